@@ -28,7 +28,7 @@ test: setup
 	@$(MAKE) --no-print-directory -j 2 style check
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-# Other examples at each run; SEED=n repeats one, TESTS=tests/test_plant.py narrows it.
+# Other examples at each run; SEED=n repeats one, TESTS=tests/twin/test_plant.py narrows it.
 search: setup
 	@seed=$${SEED:-$$(od -An -N4 -tu4 /dev/urandom | tr -d ' ')}; again="make search SEED=$$seed TESTS='$(TESTS)'"; \
 	echo "Random search. To repeat: $$again"; \

@@ -14,8 +14,7 @@ from esea_host.study.log import read_log
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import StudySession
 from esea_host.study.source import SimulatedSource
-
-from .conftest import ROOT
+from tests.conftest import ROOT
 
 know_shipped_tasks()
 EXAMPLE = ROOT / "examples" / "steady_hold.toml"

@@ -16,8 +16,7 @@ from esea_gen.hostlib.runner import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
-
-from .conftest import require_tool
+from tests.conftest import require_tool
 
 REALS = ["f64", "f32"]
 MODES, REARMS = range(3), range(8)

@@ -3,7 +3,7 @@
 To draw them up again after a result has changed, run the tests that write it with the samples kept,
 then this module; look at what it wrote before it is committed.
 
-    ESEA_RESULT_SAMPLES=/tmp/samples pytest tests/test_tune.py ...
+    ESEA_RESULT_SAMPLES=/tmp/samples pytest tests/studies/test_tune.py ...
     python -m tests.result_schemas /tmp/samples
 """
 

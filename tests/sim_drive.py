@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from esea_gen.board.sim import SimBoard
-
-from .conftest import require_tool
+from tests.conftest import require_tool
 
 ANGLES = {"count_motor": 700.0, "count_load": 900.0, "count_gear": 5.0}
 

@@ -13,9 +13,8 @@ import cffi
 from esea_gen.board.chips import As5048a, BissEncoder
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.targets import BOARDS
-
-from .conftest import require_tool
-from .firmware_harness import without_processor
+from tests.conftest import require_tool
+from tests.firmware_harness import without_processor
 
 FAULTS = {f.name: f.value for f in BOARD_FAULTS}
 LINK = """

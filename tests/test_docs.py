@@ -18,9 +18,8 @@ import pytest
 
 import esea_gen
 from esea_gen.hostlib.library import compile_system
-
-from .conftest import ROOT, require_module, require_tool
-from .typed import typed
+from tests.conftest import ROOT, require_module, require_tool
+from tests.typed import typed
 
 DOCS = ROOT / "docs"
 SNIPPET = re.compile(r'^--8<-- "(.+?)(?::(\w+))?"$', re.MULTILINE)

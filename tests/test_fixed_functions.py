@@ -16,8 +16,7 @@ from esea_gen.emit.fixed import functions
 from esea_gen.hostlib.codec import Field, to_raw
 from esea_gen.hostlib.compiler import CFLAGS, compile_sources
 from esea_gen.language.ports import Port
-
-from .conftest import require_tool
+from tests.conftest import require_tool
 
 INT32 = st.integers(-(2**31), 2**31 - 1)
 INT62 = st.integers(-(2**62) + 1, 2**62 - 1)

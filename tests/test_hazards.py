@@ -10,8 +10,7 @@ import pytest
 
 from esea_gen.control.limits.faults import Fault
 from esea_gen.emit.states import BOARD_FAULTS
-
-from .conftest import ROOT
+from tests.conftest import ROOT
 
 TABLE = tomllib.loads((ROOT / "docs" / "hazards.toml").read_text(encoding="utf-8"))
 REQUIREMENTS = [r for h in TABLE["hazard"] for r in h["requirement"]]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import ROOT
+from tests.conftest import ROOT
 
 MOST_LINES, MOST_FUNCTION = 500, 80
 # A file or function may be longer where a line says why: `# Long: reason` at its top.

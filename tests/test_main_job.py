@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from .conftest import ROOT, require_tool
-from .test_cli import run
+from tests.cli.test_cli import run
+from tests.conftest import ROOT, require_tool
 
 pytestmark = pytest.mark.slow  # `make run` is the same; CI runs it with the sample
 

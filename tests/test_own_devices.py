@@ -21,7 +21,7 @@ from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
-from tests.test_experiments import shorter
+from tests.studies.test_experiments import shorter
 
 # What is copied from the elbow is for its rate, and said so.
 pytestmark = pytest.mark.filterwarnings("ignore:.*designed for")

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from .conftest import ROOT
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.ci
 
@@ -25,7 +25,7 @@ def drawn(*options: str, hash_seed: int = 0) -> list[str]:
             "pytest",
             *command.split(),
             *options,
-            "tests/test_elastomer.py",
+            "tests/model/test_elastomer.py",
         ],
         capture_output=True,
         text=True,

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 
-from .conftest import ROOT, require_tool
+from tests.conftest import ROOT, require_tool
 
 
 def test_tutorial(tmp_path):

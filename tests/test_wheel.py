@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import ROOT, require_module, require_tool
+from tests.conftest import ROOT, require_module, require_tool
 
 pytestmark = pytest.mark.ci
 

@@ -2,7 +2,7 @@
  * lost ticks and troubles, from power on or with the motor on.  Whatever comes, the motor is on in a state that
  * drives only, its command is a number within the limit, and a frame with up to three wrong bits changes
  * nothing but the count of bad frames (fewer than four wrong bits a checksum of 16 bits always sees).
- * The device's folder, its number format and the limit are given: see tests/test_handwritten_c.py.
+ * The device's folder, its number format and the limit are given: see tests/board/test_handwritten_c.py.
  *
  * License: MIT. */
 #include "board.c" /* firmware/boards/sim: clock, drivers and line, which are moved from here */

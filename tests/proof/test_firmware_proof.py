@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from ..conftest import require_tool
+from tests.conftest import require_tool
+
 from .firmware_proof import CONTRACTS, PARTS, prove_firmware
 
 pytestmark = pytest.mark.slow

@@ -13,8 +13,8 @@ from esea_gen.cli import app
 from esea_gen.emit.fixed.functions import source_files
 from esea_gen.verify import fixed_report
 from esea_gen.verify.proof import prove_block
+from tests.conftest import require_tool
 
-from ..conftest import require_tool
 from .certificates import prove_rounding
 from .firmware_proof import prove_drive
 

@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from ..conftest import require_tool
+from tests.conftest import require_tool
+
 from .limits_proof import POSSIBLE, PROPERTIES, prove_limits, show_possible
 from .limits_step import compiled
 

@@ -8,8 +8,8 @@ import pytest
 
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
+from tests.conftest import require_tool
 
-from ..conftest import require_tool
 from .sanitize import replay_device, undefined_behaviour
 
 pytestmark = pytest.mark.ci

@@ -24,7 +24,7 @@ class LimbEnvelope:
 
 
 # A controller that is stuck at full torque trips at 8 Nm and runs out to 12.9 Nm, sensors sound:
-# docs/limits.md, tests/test_limits_accidents.py.  Nothing else may be worse.
+# docs/limits.md, tests/control/test_limits_accidents.py.  Nothing else may be worse.
 RUN_OUT = 1.65
 
 

@@ -1,0 +1,164 @@
+"""Boards of several axes, and boards without a motor: armed, released and zeroed as a whole."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from esea_gen.board.sim import SimBoard
+from esea_gen.device import load_device
+from esea_gen.link.kept import name_encoders
+from esea_gen.link.transport import LinkError
+from tests.conftest import require_tool
+
+NO_ANSWER = 64.0  # of a frame
+
+
+def powered(name):
+    require_tool("gcc")
+    return SimBoard(load_device(name))
+
+
+@pytest.fixture(scope="module")
+def wrist():
+    board = powered("wrist_drive")
+    yield board
+    board.close()
+
+
+def show(board, **other: float) -> None:
+    board.measure(**{n: 900.0 for n in board.inputs if n.startswith("count_")} | other)
+
+
+def ready(board):
+    board.restart(blank=True)
+    show(board)
+    board.ticks(20)
+    board.zero()
+    board.ticks(230)
+    assert board.state_now == "READY"
+    return board
+
+
+def active(board, **wanted: float):
+    ready(board)
+    board.arm()
+    board.ticks(1)
+    board.want(mode=1.0, **wanted)
+    board.ticks(60)
+    assert board.state_now == "ACTIVE"
+    return board
+
+
+def told(board, name: str) -> float:
+    board.step()
+    return board.values[board.places[name]]
+
+
+@pytest.mark.ci
+def test_each_motor_follows_its_own_command(wrist):
+    active(wrist, tau_desired_flexion_Nm=0.3, tau_desired_deviation_Nm=-0.2)
+    flexion, deviation = wrist.motors_Nm
+    assert flexion > 0 > deviation
+    places = [wrist.places[f"u_{a}_Nm"] for a in wrist.device.axes]
+    wrist.step()
+    assert tuple(wrist.values[k] for k in places) == wrist.motors_Nm
+
+
+@settings(max_examples=12, deadline=None)
+@given(data=st.data(), frames=st.integers(0, 30))
+def test_a_fault_of_one_axis_releases_all_in_the_same_tick(wrist, data, frames):
+    active(wrist, tau_desired_flexion_Nm=0.3, tau_desired_deviation_Nm=0.3)
+    wrong = data.draw(st.sampled_from([n for n in wrist.inputs if "gear" not in n]))
+    axis = next(a for a in wrist.device.axes if a in wrong)
+    wrist.ticks(frames)
+    show(wrist, **{wrong: NO_ANSWER if wrong.startswith("frame") else 2000.0})
+    for _ in range(8):
+        wrist.ticks(1)
+        assert wrist.motor_on == (wrist.state_now == "ACTIVE")
+        assert wrist.motor_on or wrist.motors_Nm == (0.0, 0.0)
+    assert wrist.state_now == "FAULT"
+    last = wrist.blackbox()[-1]
+    (found,) = [n for n, fault in last.limits.items() if fault]
+    assert (found, last.fault) == (f"fault_{axis}", last.limits[found])
+    assert set(last.u_Nm.values()) == {0.0}
+
+
+def test_an_axis_whose_limits_do_not_release_holds_the_other(wrist):
+    ready(wrist)
+    show(wrist, frame_error_load_deviation=NO_ANSWER)
+    wrist.ticks(20)
+    wrist.arm()
+    wrist.ticks(2)
+    assert (wrist.state_now, wrist.motor_on, wrist.motors_Nm) == ("READY", False, (0.0, 0.0))
+
+
+def test_letting_go_fades_every_axis_from_its_own_torque(wrist):
+    wanted = {"tau_desired_flexion_Nm": 0.02, "tau_desired_deviation_Nm": -0.01}
+    active(wrist, **wanted)
+    for _ in range(20):  # until it has come in whole
+        wrist.want(mode=1.0, **wanted)
+        wrist.ticks(50)
+        assert wrist.state_now == "ACTIVE", wrist.lib.sim_fault()
+    wrist.disarm()
+    wrist.ticks(249)
+    for name, torque_Nm in wanted.items():
+        assert told(wrist, name) == pytest.approx(torque_Nm / 2, rel=0.03)
+    wrist.ticks(300)
+    assert (wrist.state_now, wrist.motor_on) == ("READY", False)
+
+
+@pytest.mark.parametrize("end", ["stop", "disarm", "fault", "power"])
+def test_what_was_impaired_is_healthy_again(wrist, end):
+    active(wrist, constrained=1.0)
+    assert [told(wrist, n) for n in ("constrained", "acts_flexion", "acts_deviation")] == [1, 1, 1]
+    if end == "fault":
+        show(wrist, frame_error_load_flexion=NO_ANSWER)
+        wrist.ticks(10)
+    elif end == "power":
+        wrist.restart()
+        show(wrist)
+    else:
+        getattr(wrist, end)()
+    show(wrist)
+    wrist.ticks(2)
+    assert [told(wrist, n) for n in ("constrained", "acts_flexion", "acts_deviation")] == [0, 0, 0]
+
+
+@settings(max_examples=6, deadline=None)
+@given(data=st.data())
+def test_one_encoder_that_moves_leaves_none_zeroed(wrist, data):
+    ready(wrist)
+    moving = data.draw(st.sampled_from([n for n in wrist.inputs if n.startswith("count_")]))
+    wrist.zero()
+    for k in range(230):
+        show(wrist, **{moving: 900.0 + k // 2})
+        wrist.ticks(1)
+    assert wrist.state_now == ("READY" if "gear" in moving else "UNREFERENCED")
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("name", ["elbow_board", "wrist_board"])
+def test_a_board_without_a_motor_is_zeroed_and_never_armed(name):
+    board = powered(name)
+    board.restart(blank=True)
+    show(board)
+    board.ticks(20)
+    assert board.state_now == "UNREFERENCED"
+    board.zero()
+    board.ticks(230)
+    assert (board.state_now, board.motors_Nm, board.motor_on) == ("READY", (), False)
+    angles = [k for k in board.places if k.startswith(("theta_motor", "theta_load"))]
+    assert [told(board, n) for n in angles] == [0.0] * len(angles)
+    with pytest.raises(LinkError, match="does not arm"):
+        board.arm()
+    serials = list(range(11, 11 + len(angles)))
+    name_encoders(board, serials)
+    board.zero()
+    board.ticks(230)
+    board.restart()
+    show(board)
+    board.ticks(20)
+    assert board.state_now == "READY"
+    board.close()

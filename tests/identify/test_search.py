@@ -1,0 +1,396 @@
+"""Searching the torque model's numbers: exact slopes, methods by name, resuming, watching."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.identify.drafting import draft
+from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.search_memo import HEAD, SearchMemo
+from esea_gen.identify.published.search_problem import Searching, SearchProblem
+from esea_gen.identify.published.searches import (
+    SEARCHES,
+    interior_point,
+    search_named,
+    threshold_minima,
+)
+from esea_gen.identify.published.space import Space, parameters_of
+from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port, Tunable, around
+from esea_gen.language.system import System, Task
+from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
+from esea_gen.model.slopes import sloped
+from esea_gen.report.pictures import search_picture
+from tests.benchmarks.identification import KEYS, NumpyPopulation
+from tests.rigs import rig, written
+
+# Slopes of a Block.
+
+
+def powers() -> Block:
+    """y = a^2 s + u |s|^b, s+ = a s + 1 from 0: every derivative is known in closed form."""
+    return Block.define(
+        "powers",
+        "powers",
+        period_s=1e-3,
+        tunables=(
+            Tunable("a", 0.5, 0.0, 1.0, "share kept", "", ""),
+            Tunable("b", 2.0, 0.0, 4.0, "exponent", "", ""),
+        ),
+        coefficients=(Port("square", 0, 1, "a squared"), Port("a", 0, 1, ""), Port("b", 0, 4, "")),
+        prepare=lambda t: {"square": t.a * t.a, "a": t.a, "b": t.b},
+        state=(around("sum_1", 100, "sum"),),
+        inputs=(around("x_1", 100, "input"),),
+        outputs=(around("y_1", 1e6, "output"), around("z_1", 1e6, "another")),
+        step=lambda c, s, u, guard, label: (
+            {"sum_1": c.a * s.sum_1 + 1},
+            {"y_1": c.square * s.sum_1 + u.x_1 * s.sum_1**c.b, "z_1": u.x_1},
+        ),
+    )
+
+
+def test_slopes_of_a_block_in_closed_form():
+    block = sloped(powers(), ("y_1",), ("b", "a"))
+    system = System(
+        "slopes",
+        1e-3,
+        {"slopes": block},
+        (Task("run", ("slopes",)),),
+        {},
+        {"x_1": ("slopes.x_1",)},
+        {"y_1": "slopes.y_1", "slopes": "slopes.slopes"},
+    )
+    a, b, x, steps = 0.7, 1.5, 3.0, 12
+    runner = compile_system(system, "f64").block("slopes")
+    runner.prepare({"a": a, "b": b})
+    out = runner.run({"x_1": np.full(steps, x)}, trace=False)[0]
+    by_b, by_a = out["slopes"].T
+    for k in range(steps):
+        s = sum(a**i for i in range(k))
+        moved = sum(i * a ** (i - 1) for i in range(1, k))
+        assert out["y_1"][k] == pytest.approx(a * a * s + x * s**b, rel=1e-13)
+        assert by_a[k] == pytest.approx(
+            2 * a * s + (a * a + (x * b * s ** (b - 1) if s else 0)) * moved, rel=1e-12
+        )
+        # At s = 0 the logarithm is infinite and its share nothing.
+        assert by_b[k] == pytest.approx(x * s**b * math.log(s) if s else 0.0, rel=1e-12)
+
+
+# The problem: costs, gradients, refinement.
+
+
+class Waves:
+    """A plant whose torque is known: k1 x + k3 x^3 + alpha sin(x / omega) exp(-beta x^2)."""
+
+    rate_terms, shape_keys, digest = False, ("omega_rad", "beta_1_rad"), "waves"
+
+    def __init__(self, omega: float = 0.05, beta: float = 3.0, alpha: float = 2.0) -> None:
+        self.x = np.linspace(-0.5, 0.5, 400)
+        self.weight = np.full(400, 0.05)
+        self.streams = (SimpleNamespace(theta_rad=self.x, training=(np.arange(400),)),)
+        self.calls = 0
+        self.measured = self.basis({"omega_rad": omega, "beta_1_rad": beta}) @ [5, 20, alpha]
+
+    def basis(self, shape):
+        self.calls += 1
+        wave = np.sin(self.x / shape["omega_rad"]) * np.exp(-shape["beta_1_rad"] * self.x**2)
+        return np.stack([self.x, self.x**3, wave], axis=1)
+
+    def tangent(self, shape, linear):
+        omega, bell = shape["omega_rad"], np.exp(-shape["beta_1_rad"] * self.x**2)
+        by_omega = -self.x / omega**2 * np.cos(self.x / omega) * bell
+        by_beta = -(self.x**2) * np.sin(self.x / omega) * bell
+        return linear[2] * np.stack([by_omega, by_beta], axis=1)
+
+
+SPACE = Space(False, 0.5, 1.0, 10.0)
+
+
+def problem(plant=None, memo=None, **how) -> SearchProblem:
+    return SearchProblem(
+        plant or Waves(), SPACE, memo or SearchMemo(), Searching(**how), lambda count, best: None
+    )
+
+
+def at(omega: float, beta: float) -> np.ndarray:
+    return np.array([math.log(omega), math.log1p(beta * 0.5)])
+
+
+def cost(p, x):
+    return p.costs(x[None])[0]
+
+
+def by_differences(p, x, step=1e-6):
+    return np.array([(cost(p, x + e) - cost(p, x - e)) / (2 * step) for e in step * np.eye(len(x))])
+
+
+# A wave of the other sign cannot be taken up: alpha is then at its bound 0.
+@pytest.mark.parametrize("alpha", [2.0, -2.0])
+def test_the_gradient_is_that_of_the_cost_with_the_linear_part_solved(alpha):
+    p = problem(Waves(alpha=alpha))
+    for x in (at(0.055, 2.0), at(0.04, 6.0), at(0.09, 0.5)):
+        found, slope = p.gradient(x)
+        assert found == pytest.approx(cost(p, x), rel=1e-13)
+        expected = by_differences(p, x)
+        assert slope == pytest.approx(expected, rel=1e-5, abs=1e-9 + 1e-6 * np.abs(expected).max())
+
+
+def test_a_refinement_ends_by_its_tolerances_in_few_runs():
+    plant = Waves()
+    (cost, x), (again, _) = problem(plant).refined([at(0.053, 2.0), at(0.047, 4.0)], 500)
+    assert max(cost, again) < 1e-12
+    assert np.exp(x[0]) == pytest.approx(0.05, rel=1e-5)
+    assert np.expm1(x[1]) / 0.5 == pytest.approx(3.0, rel=1e-4)
+    assert plant.calls < 60
+
+
+def test_the_sensors_own_c_gives_the_gradient(elbow):
+    """All seven numbers, over a sweep that starts at rest, where a power's base is 0."""
+    t = np.arange(1500) / 100
+    theta = 0.15 * np.sin(2 * np.pi * (0.05 + 0.05 * t) * t) * (t > 0.5)
+    rows = np.arange(1500)
+    recording = SimpleNamespace(
+        label="sweep",
+        time_s=t,
+        theta_rad=theta,
+        tau_Nm=12 * theta,
+        conditions=(),
+        sets=(SimpleNamespace(label="a", training=rows, held_out=rows[:0], cycles={}),),
+    )
+    plant = FittedPlant(elbow, [recording], 100.0)
+    space = Space(True, 0.15, 1.0, 15.0)
+    p = SearchProblem(plant, space, SearchMemo(), Searching(jobs=1), lambda count, best: None)
+    true = {k.rsplit(".", 1)[-1]: q.value for k, q in elbow.quantities() if "elastomer." in k}
+    plant.measured = plant.torque({k: true[k] for k in (*MODEL_KEYS, *RATE_KEYS)})
+    # The bench's model in NumPy is the same function: both sum the same noise-free residual.
+    one = {k: 1.03 * true[k] for k in (*MODEL_KEYS, *RATE_KEYS)}
+    error = plant.weight * (plant.torque(one) - plant.measured)
+    peer = NumpyPopulation(plant, 10).costs(np.array([[one[k], true[k]] for k in KEYS]))
+    assert peer == pytest.approx([error @ error, 0.0], rel=1e-9, abs=1e-20)
+    x = np.array([-3.8, 2.2, math.log(0.05), math.log(12), 2.5, math.log(50), 0.7])
+    expected = by_differences(p, x)
+    assert np.all(np.abs(expected) > 1e-4 * np.abs(expected).max())
+    assert p.gradient(x)[1] == pytest.approx(expected, rel=1e-4, abs=1e-5 * np.abs(expected).max())
+
+
+# Methods.
+
+
+def test_the_interior_point_method_takes_exact_gradients_to_a_bound_and_inside():
+    def noisy():
+        plant = Waves()
+        plant.measured = plant.measured + np.random.default_rng(2).normal(0, 0.01, 400)
+        return problem(plant)
+
+    p = noisy()
+    found = interior_point(p, at(0.052, 2.0))
+    assert found == pytest.approx(at(0.05, 3.0), abs=1e-2)
+    assert cost(p, found) == pytest.approx(p.refined([found], 50)[0][0], rel=1e-5)
+    # The truth is below the least spacing that may be searched.
+    narrow = noisy()
+    narrow.low = at(0.051, 0.1)
+    assert interior_point(narrow, at(0.053, 3.0))[0] == pytest.approx(math.log(0.051), abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
+    source = load_mapping(written(tmp_path_factory.mktemp("rig"), *rig(*(0.05,) * 4, *(0.1,) * 4)))
+    recordings = load_recordings(source)
+    return FittedPlant(draft(source, recordings, False), recordings, None, 200)
+
+
+def fitted(plant, tell=lambda count, best: None, method="multi-start", **how):
+    """What was found, best first, and after how many runs."""
+    memo, space = SearchMemo(how.get("resume")), Space(False, 0.1, 1.0, 10.0)
+    p = SearchProblem(plant, space, memo, Searching(method, **how), tell)
+    ends = sorted(search_named(method)(p, 7, 32), key=lambda e: e[0])
+    p.over()
+    return [(cost, x.tolist()) for cost, x in ends], p.evaluations
+
+
+@pytest.mark.ci
+def test_every_method_finds_the_same_optimum(plant):
+    found = {m: fitted(plant, method=m)[0][0][0] for m in SEARCHES}
+    assert max(found.values()) < 1.001 * min(found.values()), found
+
+
+def test_cores_and_an_interruption_change_nothing(plant, tmp_path):
+    whole = fitted(plant, jobs=1)
+    assert fitted(plant, jobs=3) == whole
+
+    def pulled(count, best):
+        if count > 100:
+            raise KeyboardInterrupt
+
+    memo = tmp_path / "new" / "memo.txt"
+    with pytest.raises(KeyboardInterrupt):
+        fitted(plant, pulled, resume=memo)
+    kept = memo.read_bytes()
+    assert 10 < kept.count(b"\n") < whole[1]
+    # The end of the last line is cut off, as by a power cut.
+    memo.write_bytes(kept[:-9])
+    assert fitted(plant, resume=memo) == whole
+    assert memo.read_bytes().startswith(kept[: kept.rfind(b"\n", 0, -1) + 1])
+    # All is known now: nothing is added.
+    size = memo.stat().st_size
+    assert fitted(plant, resume=memo) == whole
+    assert memo.stat().st_size == size
+
+
+def test_who_watches_sees_each_improvement_and_the_end(plant):
+    seen = []
+    ends, _ = fitted(plant, watch=lambda best, last: seen.append((best, last)))
+    costs = [best.cost for best, last in seen]
+    assert costs[:-1] == sorted(costs[:-1], reverse=True)
+    assert [last for _, last in seen] == [False] * (len(seen) - 1) + [True]
+    best = seen[-1][0]
+    assert best.cost == pytest.approx(ends[0][0], rel=1e-9)
+    # Every data set counts the same: the cost is the mean of their mean squares.
+    squares = [np.mean((model - measured) ** 2) for _, measured, model in best.sets]
+    assert np.mean(squares) == pytest.approx(best.cost, rel=1e-9)
+    figure = search_picture(best)
+    assert len(figure.axes) == 1 + len(best.sets)
+    line = figure.axes[1].get_lines()[1]
+    assert line.get_ydata() == pytest.approx(best.sets[0][2])
+
+
+def test_minima_along_the_thresholds_are_looked_for_with_the_other_numbers_held():
+    low, high, best = np.array([0.0, 2.0, -7.0]), np.array([1.0, 12.0, 9.0]), [0.9, 5.0, 4.0]
+    asked = []
+
+    def costs(points):
+        asked.append(points)
+        omega, beta, _ = points.T
+        # Valleys at 0.25 and 0.75, the second the deeper; across them least at 8.
+        return np.cos(4 * np.pi * omega) - 0.1 * omega + 0.01 * (beta - 8) ** 2
+
+    problem = SimpleNamespace(low=low, high=high, costs=costs)
+    found = threshold_minima(problem, np.array(best))
+    assert [x[0] for x in found[:2]] == pytest.approx([0.75, 0.25], abs=0.02)
+    assert {x[1] for x in found} == {8.0}  # 2, 4 ... 12
+    assert {x[2] for x in found} == {4.0}
+    points = np.concatenate(asked)
+    assert points.min(axis=0) == pytest.approx([0, 2, 4])
+    assert points.max(axis=0) == pytest.approx([1, 12, 4])
+
+
+# What a search keeps on the disk.
+
+
+def test_numbers_are_kept_in_memory_and_on_the_disk(tmp_path):
+    path = tmp_path / "deep" / "search.txt"
+    memo = SearchMemo(path)
+    assert HEAD == "esea-gen search 1"
+    assert path.read_text() == "esea-gen search 1\n"
+    memo.put([("x", (0.1, -2)), ("y", np.array([1 / 3, 2.0])), ("z", 7)])
+    memo.put([])
+    memo.put([("x", [5.0])])
+    kept = {"x": (5.0,), "y": (1 / 3, 2.0), "z": (7.0,), "none": None}
+    assert {n: memo.get(n) for n in kept} == kept
+    lines = path.read_text().splitlines()
+    assert lines == [HEAD, '["x", 0.1, -2.0]', f'["y", {1 / 3!r}, 2.0]', '["z", 7.0]', '["x", 5.0]']
+    again = SearchMemo(path)
+    assert {n: again.get(n) for n in kept} == kept
+    own = SearchMemo()
+    own.put([("x", (1.5,))])
+    assert own.get("x") == (1.5,)
+
+
+@pytest.mark.parametrize(
+    ("left", "kept", "known"),
+    [
+        ("", f"{HEAD}\n", None),
+        ("esea-g", f"{HEAD}\n", None),
+        (HEAD, f"{HEAD}\n", None),
+        (f'{HEAD}\n["x", 1.5]\n["y", 2', f'{HEAD}\n["x", 1.5]\n', (1.5,)),
+        (f'{HEAD}\n\n["x", 1.5]\n', f'{HEAD}\n\n["x", 1.5]\n', (1.5,)),
+        (f'{HEAD}\n["y"]\n', f'{HEAD}\n["y"]\n', None),
+    ],
+)
+def test_a_torn_end_is_cut_off(tmp_path, left, kept, known):
+    path = tmp_path / "search.txt"
+    path.write_text(left)
+    assert SearchMemo(path).get("x") == known
+    assert path.read_text() == kept
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("esea-gen search 2\n", "is no record of a search"),
+        ("t,x,y\n1,2,3\n", "is no record of a search"),
+        (f'{HEAD}\n["x", 1.5]\n["y", "two"]\n', "line 3: is damaged"),
+        (f"{HEAD}\n7\n", "line 2: is damaged"),
+        (f'{HEAD}\n["x", null]\n', "line 2: is damaged"),
+        (f'{HEAD}\n["x", 1\n', "line 2: is damaged"),
+    ],
+)
+def test_what_is_no_record_is_refused_and_left_as_it_is(tmp_path, text, words):
+    path = tmp_path / "search.txt"
+    path.write_text(text)
+    with pytest.raises(UserError, match=words) as refused:
+        SearchMemo(path)
+    assert "Name another file for --resume." in str(refused.value)
+    assert path.read_text() == text
+
+
+def test_what_cannot_be_written_is_refused(tmp_path):
+    with pytest.raises(UserError, match="cannot be used"):
+        SearchMemo(tmp_path)
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(UserError, match="cannot be used"):
+        SearchMemo(tmp_path / "file" / "below")
+
+
+# From searched numbers to a file's parameters.
+
+LINEAR = np.array([12.0, 90.0, 40.0, 5.0])
+X = np.array([math.log(0.01), 0.7, math.log(0.5), math.log(20.0), 1.5, math.log(4.0), 0.6])
+
+
+@pytest.mark.parametrize(
+    ("kv", "share", "dropped"),
+    [
+        (5.0, 1e-4, False),
+        (5.0, 0.999e-4, True),
+        (0.0, 0.5, True),
+        (-1.0, 0.5, True),
+        (1e-3, 0.5, False),
+    ],
+)
+def test_a_maxwell_element_that_carries_next_to_nothing_is_left_out(kv, share, dropped):
+    space = Space(True, 0.2, 3.0, 10.0)
+    values, left_out = parameters_of(space, X, np.array([*LINEAR[:3], kv]), share)
+    assert left_out is dropped
+    assert ("kv_Nm_rad" in values) is not dropped
+    # One that was not asked for is not left out.
+    assert parameters_of(Space(False, 0.2, 3.0, 10.0), X[:2], LINEAR[:3], share)[1] is False
+
+
+def test_parameters_are_cut_to_the_files_bounds():
+    space = Space(False, 0.2, 3.0, 10.0)
+    values, _ = parameters_of(space, X[:2], np.array([1e9, -1.0, 40.0]), 0.0)
+    assert values["k1_Nm_rad"] == bounds_of("k1_Nm_rad")[1]
+    assert values["k3_Nm_rad3"] == bounds_of("k3_Nm_rad3")[0]
+    assert values["alpha_Nm_rad"] == 40
+
+
+def test_slopes_of_the_shape_are_those_by_differences():
+    space, h = Space(True, 0.2, 3.0, 10.0), 1e-6
+    slopes = space.shape_slopes(X)
+    for i in range(len(X)):
+        step = h * np.eye(len(X))[i]
+        up, down = space.shape(X + step), space.shape(X - step)
+        for key in up:
+            by = (up[key] - down[key]) / (2 * h)
+            assert slopes.get(key, {}).get(i, 0.0) == pytest.approx(by, rel=1e-6, abs=1e-7), (
+                key,
+                i,
+            )

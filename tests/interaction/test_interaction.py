@@ -1,0 +1,287 @@
+"""Passivity by pushed hands and the sliding condition: physics that must hold, known signals."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from esea_gen.analysis.passivity import Hand
+from esea_gen.errors import UserError
+from esea_gen.studies.passivity.push import PushRun, judge_push, push_case, run_push
+from esea_gen.studies.passivity.region import push_map
+from esea_gen.studies.passivity.sliding import check_sliding, sliding_condition
+from esea_gen.studies.passivity.study import HANDS, study_interaction
+from esea_gen.studies.tracking import Grid
+from esea_gen.twin.case import OFF, Setting
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.loop_run import RanAwayError
+from esea_gen.twin.run import run_case
+from tests.conftest import require_tool
+from tests.studies.test_tune import command
+
+U_MAX_NM = 0.221
+
+
+def pushed(hand: Hand, kp: float, kd: float, plant: str = "real", **options):
+    require_tool("gcc")
+    device = controller_device("smc")
+    case = push_case(device, hand, kp, kd, **options)
+    return run_case(case, Setting("smc", plant, "ideal"), 0)
+
+
+# -- runs -----------------------------------------------------------------------------------------
+
+
+def test_the_energy_is_what_the_hand_gave():
+    """The plant's own work of the person, less what moves in the hand, went in there."""
+    hand = Hand("arm", 0.2, 0.3, 30.0)
+    run = pushed(hand, 1.5, 0.25)
+    figures = judge_push(run, hand, 1.5, U_MAX_NM)
+    work = run.plant["work_person_J"]
+    moving = 0.5 * hand.inertia_kgm2 * run.plant["omega_l_rad_s"] ** 2
+    into = work - moving
+    # Trapezoids of 1 ms against the plant's own sum at 0.2 ms.
+    assert figures.absorbed_J == pytest.approx(into[-1], abs=2e-5)
+    assert figures.generated_J == pytest.approx(max(0.0, -into.min()), abs=2e-5)
+    assert figures.absorbed_J > 100 * 2e-5
+
+
+def test_the_push_gives_a_heavy_hand_its_speed():
+    """Nothing that the drive can do stops 50 kg m^2 within 0.1 s: what it gets is the push."""
+    run = pushed(Hand("heavy", 50.0), 0.0, 0.0)
+    speed = run.plant["omega_l_rad_s"]
+    assert np.max(np.abs(speed[:1000])) < 1e-4
+    # 0.5 ms of half a tick are lost at either end of the sine; the coupling takes off a little.
+    assert speed[1105] == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_wall_throws_a_heavy_hand_back():
+    """A mass on a spring by hand: it goes in by v sqrt(J/k), comes out as fast, loses nothing."""
+    hand, wall = Hand("heavy", 50.0), 1e4
+    run = pushed(hand, 0.0, 0.0, wall_Nm_rad=wall)
+    moved = run.plant["theta_l_rad"] - run.plant["theta_l_rad"][0]
+    assert moved.max() == pytest.approx(0.02 + 0.5 * math.sqrt(50 / wall), rel=0.03)
+    # The drive is dragged along after that.
+    out = round((1.1 + math.pi * math.sqrt(50 / wall)) * 1000)
+    assert run.plant["omega_l_rad_s"][out] == pytest.approx(-0.5, rel=0.05)
+    # Held in the wall: all of the push, 50 * 0.5**2 / 2.
+    deep = int(np.argmax(moved))
+    held = 0.5 * wall * (moved[deep] - 0.02) ** 2
+    assert held == pytest.approx(6.25, rel=0.03)
+    assert not judge_push(run, hand, 0.0, U_MAX_NM, wall).stopped
+
+
+def test_a_drive_that_is_off_is_passive_with_every_hand():
+    """Friction, masses and elastomer only: whatever the hand, nothing can come out."""
+    for hand in HANDS:
+        run = pushed(hand, 0.0, 0.0, "ideal", mode=OFF)
+        figures = judge_push(run, hand, 0.0, U_MAX_NM)
+        push_J = 0.5 * hand.inertia_kgm2 * 0.25
+        assert figures.generated_J <= 1e-6 * push_J
+        assert not figures.swings_up(push_J)
+        assert not figures.stopped
+        assert figures.limited_share == 0
+
+
+@pytest.fixture(scope="module")
+def study():
+    require_tool("gcc")
+    hands = (Hand("light", 0.1, 0.5, 30.0), Hand("arm", 0.2, 0.5), Hand("firm", 0.4, 0.5, 300.0))
+    return study_interaction(points=2, hands=hands, sliding=False)
+
+
+def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
+    """The largest are those that the device file lets by."""
+    verdicts = {(kp, kd): mark for kp, kd, mark in study.marked}
+    assert verdicts[0.75, 0.25] == "P"
+    assert verdicts[1.5, 0.25] == "P"
+    assert study.region.stable.all()
+    push_J = 0.5 * 0.1 * 0.5**2
+    quiet = study.runs[1.5, 0.25, "light"]
+    assert quiet.held_end_J < 0.01 * push_J
+    assert quiet.generated_J < 0.01 * push_J
+
+
+def test_the_study_in_json_letters_and_a_picture(study, tmp_path):
+    content = json.loads(json.dumps(study.to_dict(), allow_nan=False))
+    assert content["map"]["kp_Nm_rad"] == [0.0, 3.0]
+    assert content["map"]["kd_Nms_rad"] == pytest.approx([0.0, 0.35])
+    # Four pairs of the grid, one of which is the thesis', and its two others; three hands each.
+    assert len(content["runs"]) == 18
+    assert [g["verdict"] for g in content["thesis_gains"]][1:] == ["passive", "passive"]
+    assert len(content["map"]["push_J"]) == 3
+    lines = study.table()
+    assert lines[2].split() == ["Kp", "|", "Kd", "0", "0.35"]
+    assert lines[4].split()[2] == "P"
+    assert any(line.startswith("thesis Kp 1.5, Kd 0.25: passive") for line in lines)
+    assert any("limits: latched in" in line for line in lines)
+    study.figure().savefig(tmp_path / "map.png")
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+
+
+def test_a_latched_fault_is_a_result():
+    """The limits stop a hand that leaves the range of motion; that is not passive, nor stable."""
+    hand = Hand("thrown", 0.4)
+    run = pushed(hand, 0.0, 0.0, "ideal", push_rad_s=3.0)
+    figures = judge_push(run, hand, 0.0, U_MAX_NM)
+    assert figures.fault == 11  # range of motion
+    region = push_map([0.0], [0.0], [hand], {(0.0, 0.0, "thrown"): figures}, 3.0)
+    assert region.mark(0, 0) == "L"
+    assert not region.passive[0, 0]
+    assert not region.stable[0, 0]
+
+
+# -- verdicts -------------------------------------------------------------------------------------
+
+QUIET = PushRun(held_J=2e-3, held_end_J=1e-3, exchanged_J=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "mark"),
+    [
+        ({}, "P"),
+        ({"generated_J": 0.9e-4}, "P"),
+        ({"generated_J": 1.1e-4}, "s"),
+        ({"held_end_J": 2.3e-3}, "P"),
+        ({"held_end_J": 2.5e-3}, "."),
+        # Too small to be more than encoder counts, although it grows.
+        ({"held_J": 1e-4, "held_end_J": 3e-4}, "P"),
+        # As large all along: it grew before.
+        ({"held_J": 2e-2, "held_end_J": 2e-2}, "."),
+        ({"fault": 9.0}, "L"),
+        ({"tripped": 1.0}, "L"),
+        ({"ran_away": 1.0}, "."),
+    ],
+)
+def test_verdicts(change, mark):
+    # 0.08 kg m^2 at 0.5 rad/s are 1e-2 J: a hundredth of it may come out.
+    hands = (Hand("a", 0.08), Hand("b", 0.08))
+    runs = {(0.0, 1.0, "a"): QUIET, (0.0, 1.0, "b"): dataclasses.replace(QUIET, **change)}
+    region = push_map([0.0], [1.0], hands, runs, 0.5)
+    assert region.push_J == pytest.approx([1e-2, 1e-2])
+    assert region.mark(0, 0) == mark
+    assert bool(region.passive[0, 0]) is (mark == "P")
+    assert bool(region.stable[0, 0]) is (mark in "Ps")
+    json.dumps(region.to_dict(), allow_nan=False)
+
+
+# -- sliding condition ----------------------------------------------------------------------------
+
+
+def test_a_surface_that_decays_keeps_the_condition():
+    h, rate = 5e-3, 3.0
+    s = 4 * np.exp(-rate * h * np.arange(400))
+    on, off = np.ones(400, dtype=bool), np.zeros(400, dtype=bool)
+    found = sliding_condition(-s, on, off, 1.0, h)
+    outside = int(np.sum(s[:-1] > 1.0))
+    assert found["outside"] == found["free"] == found["falling"] == found["falling_free"] == outside
+    # s s' = -s^2 (1 - exp(-rate h)) / h is largest where s is smallest, at the layer's edge.
+    last = s[outside - 1]
+    assert found["worst_rad2_s3"] == pytest.approx(-(last**2) * (1 - math.exp(-rate * h)) / h)
+    assert found["longest_s"] == pytest.approx(outside * h)
+    assert found["largest_rad_s"] == 4
+
+
+def test_a_sinusoidal_surface_breaks_it_half_of_the_time():
+    h = 1e-4
+    t = h * np.arange(40_000)
+    s = 2 * np.sin(2 * np.pi * t)
+    on = np.ones(len(t), dtype=bool)
+    limited = np.cos(2 * np.pi * t) * s > 0
+    found = sliding_condition(s, on, limited, 1.0, h)
+    assert found["outside"] == pytest.approx(2 / 3 * len(t), rel=1e-3)
+    assert found["falling"] == pytest.approx(found["outside"] / 2, rel=1e-3)
+    # What rises was marked as held back by the motor: all of the rest falls.
+    assert found["falling_free"] / found["free"] == pytest.approx(1, abs=1e-3)
+    # Largest of 4 sin cos 2 pi, half way between: 4 pi at sin = cos.
+    assert found["worst_rad2_s3"] == pytest.approx(4 * math.pi, rel=1e-3)
+    assert found["longest_s"] == pytest.approx(1 / 3, rel=1e-3)
+
+
+@given(
+    s=hnp.arrays(np.float64, 30, elements=st.floats(-5, 5)),
+    active=hnp.arrays(np.bool_, 30),
+    limited=hnp.arrays(np.bool_, 30),
+)
+def test_counts_agree_with_counting(s, active, limited):
+    found = sliding_condition(s, active, limited, 1.0, 0.005)
+    outside = [k for k in range(29) if active[k] and active[k + 1] and abs(s[k]) > 1.0]
+    products = {k: s[k] * (s[k + 1] - s[k]) / 0.005 for k in outside}
+    assert found["outside"] == len(outside)
+    assert found["free"] == sum(not limited[k] for k in outside)
+    assert found["falling"] == sum(p < 0 for p in products.values())
+    assert found["falling_free"] == sum(p < 0 and not limited[k] for k, p in products.items())
+    assert found["worst_rad2_s3"] == (max(products.values()) if products else 0.0)
+
+
+def test_what_is_outside_agrees_with_the_controllers_own_flag():
+    """The C sets LAYER_LEFT itself, in its own number format."""
+    require_tool("gcc")
+    cases = (("grid", "3 Nm 1 Hz"),)
+    wide, narrow = check_sliding("smc", ("ideal",), cases)
+    assert (wide.phi_rad_s, narrow.phi_rad_s) == (1.5, pytest.approx(0.15))
+    case = Grid().case("3 Nm 1 Hz")
+    run = run_case(case, Setting("smc", "ideal", "none"), 0)
+    smc = controller_device("smc").system.blocks["smc"]
+    bit = [f.name for f in smc.status_port.flags].index("LAYER_LEFT")
+    flagged = run.controller["smc_status"][::5][:-1] >> bit & 1
+    assert abs(int(flagged.sum()) - wide.outside) <= 1
+    assert narrow.outside > wide.outside
+    assert "3 Nm 1 Hz" in wide.line()
+
+
+# -- what is refused ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--controller", "mine"], ["Unknown controller 'mine'", "smc, smc-published"]),
+        (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
+        (["--points", 1], ["1 points", "2 to 41"]),
+        (["--points", 900], ["900 points", "2 to 41"]),
+        (["--push", 0], ["push of 0 rad/s", "more than 0 and at most 0.6"]),
+        (["--push", "nan"], ["push of nan"]),
+        (["--wall", -1], ["wall of -1 Nm/rad", "0, for none, to 10000"]),
+        (["--wall", "nan"], ["wall of nan"]),
+        (["--push", 5], ["push of 5 rad/s", "range of motion"]),
+        (["--figure", "a.txt"], [".png, .svg or .pdf"]),
+        (["--jobs", 0, "--no-sliding", "--points", 2], ["--jobs 0", "-1"]),
+    ],
+)
+def test_passivity_refuses(monkeypatch, capsys, arguments, words):
+    code, shown, error = command(monkeypatch, capsys, "passivity", *arguments)
+    assert (code, shown) == (2, "")
+    assert "Traceback" not in error
+    for word in words:
+        assert word in error
+
+
+def test_a_hand_that_is_not_passive_is_refused():
+    with pytest.raises(UserError, match="0 or more"):
+        run_push(0.0, 0.0, {"name": "x", "damping_Nms_rad": -1.0}, "smc", "ideal", 0.5, 0)
+
+
+def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
+    def leave(*_):
+        raise RanAwayError("the plant left its ranges before 1 s and was started afresh")
+
+    hand = dataclasses.asdict(HANDS[0])
+    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", leave)
+    found = PushRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
+    assert found.ran_away == 1
+    assert found.swings_up(1.0)
+
+    def break_(*_):
+        raise RuntimeError("anything else")
+
+    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", break_)
+    with pytest.raises(RuntimeError, match="anything else"):
+        run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0)

@@ -1,0 +1,147 @@
+"""A recording computed again by the C that made it: every bit, and the one that is wrong."""
+
+from __future__ import annotations
+
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+import esea_host
+from esea_gen.errors import UserError
+from esea_host.recording import RecordingState
+from esea_host.recording.replay import device_of, verify
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+from tests.conftest import require_tool
+
+
+@pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])
+def recorded(request, tmp_path_factory):
+    """Zeroed, a parameter changed, armed, a sine of torque; the board is simulated."""
+    if request.param == "sim":
+        board = request.getfixturevalue("simulated_elbow")
+        board.restart()
+    else:
+        require_tool("gcc")
+        board = SimulatedBoard("elbow_drive", board=request.param)
+    device = LockstepDevice(board)
+    path = tmp_path_factory.mktemp("log") / "a.mcap"
+    with device.record(path):
+        device.advance(0.1)
+        device.zero()
+        device.advance(0.4)
+        device.session.set_parameter("smc.lambda_1_s", 12)
+        device.advance(0.05)
+        device.arm()
+        device.advance(0.01)
+        for i in range(100):
+            device.want(mode=1.0, tau_desired_Nm=math.sin(i * 0.1))
+            device.advance(0.02)
+    assert device.state() == "ACTIVE"
+    if request.param != "sim":
+        board.close()
+    return path
+
+
+def test_every_bit_is_the_cs(recorded):
+    """Through zeroing, which starts the clock again, and through a change of a parameter."""
+    log = esea_host.open_log(recorded)
+    verdict = verify(log)
+    assert verdict.differences == []
+    assert verdict.proven
+    assert verdict.unproven == 0
+    assert verdict.ticks == len(log["sense_in"]) == 2560
+    # Asked for, zeroing, zeroed, the parameter, and one a second.
+    assert verdict.key_frames >= 6
+    columns = len(log["sense_out"].names) - 2
+    assert verdict.values > verdict.ticks * columns
+
+
+def place_of(path, stream: str, tick: int, signal: str) -> int:
+    """Byte of the file where a value of the last start's runs lies."""
+    file = esea_host.open_log(path).file
+    layout = file.layout(stream)
+    offset = layout.record_dtype.fields[signal][1]
+    wanted = []
+    data = path.read_bytes()
+    for piece in file.pieces:
+        rows = file.read(piece, stream)
+        if rows is None:
+            continue
+        size = layout.record_dtype.itemsize
+        for i in range(len(rows.lengths)):
+            record = rows.data[i * size : (i + 1) * size]
+            if layout.rows(record)["sequence"][0] == tick:
+                wanted.append(data.index(record, piece.data) + offset)
+    return wanted[-1]
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize(
+    ("stream", "tick", "signal"),
+    [
+        ("sense_out", 1234, "tau_Nm"),
+        ("sense_out", 1777, "limits_status"),
+        ("control_out", 1500, ""),
+        ("sense_in", 1234, "count_load"),
+        ("sense_in", 2001, "tau_desired_Nm"),
+    ],
+)
+def test_a_single_flipped_bit_is_found_and_named(recorded, tmp_path, stream, tick, signal):
+    path = tmp_path / "b.mcap"
+    shutil.copy(recorded, path)
+    signal = signal or esea_host.open_log(path)[stream].names[2]
+    at = place_of(path, stream, tick, signal)
+    data = bytearray(path.read_bytes())
+    data[at + 1] ^= 0x10
+    path.write_bytes(data)
+    log = esea_host.open_log(path)
+    assert log.gaps  # the piece's checksum is wrong: nobody takes it as it is
+    verdict = verify(log)
+    assert verdict.same  # no tick of a sound piece is blamed
+    assert not verdict.proven
+    assert verdict.unproven > 0
+    (damage,) = verdict.integrity.damages
+    assert "wrong checksum" in damage.what
+    first = verdict.changed[0]
+    if stream == "sense_in":
+        assert (first.tick, first.input_signal) == (tick, signal)
+    else:
+        assert (first.stream, first.tick, first.signal) == (stream, tick, signal)
+        assert len(verdict.changed) == 1
+        assert first.recorded != first.computed or math.isnan(first.recorded)
+
+
+def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
+    """A piece cut out of the middle: less is proven, and how much is reported."""
+    log = esea_host.open_log(recorded)
+    pieces = log.file.pieces
+    largest = max(pieces[1:-1], key=lambda p: p.end - p.offset)
+    data = recorded.read_bytes()
+    path = tmp_path / "b.mcap"
+    path.write_bytes(data[: largest.offset] + data[largest.end :])
+    cut = esea_host.open_log(path)
+    verdict = verify(cut)
+    assert verdict.same
+    assert verdict.unproven > 0
+    board_ns = cut["sense_in"].board_ns
+    assert verdict.ticks + verdict.unproven == (board_ns[-1] - board_ns[0]) // 1_000_000 + 1
+    assert np.ptp(np.diff(board_ns)) > 0
+    assert cut.state is RecordingState.DAMAGED
+
+
+@pytest.mark.ci
+def test_a_device_of_ones_own_is_taken_from_the_recording(recorded):
+    log = esea_host.open_log(recorded)
+    shipped = device_of(log)
+    log.facts["device"] = "mine"
+    assert device_of(log).digest == shipped.digest
+    assert device_of(log) is not shipped
+
+
+def test_what_cannot_be_computed_again_is_refused(recorded, tmp_path, monkeypatch):
+    drive_log = esea_host.open_log(recorded)
+    monkeypatch.setattr("esea_host.recording.replay.format_hash", lambda *_: "another")
+    with pytest.raises(UserError, match=r"this tree's is another.*sources\.zip"):
+        verify(drive_log)

@@ -1,0 +1,213 @@
+"""A session with a board: what it tells the task gets, and a stop goes to the motor first."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import esea_host
+from esea_gen.errors import UserError
+from esea_host.interaction.from_board import cut_trials, paused_at
+from esea_host.interaction.recordings import is_simulated, read_angle, write_recording
+from esea_host.simulated import LockstepDevice
+from esea_host.simulated.server import serve_hosts
+from esea_host.study.board import BoardSource
+from esea_host.study.conductor import Conductor
+from esea_host.study.folder import StudyFolder
+from esea_host.study.log import read_log
+from esea_host.study.session import COMPLETED, FAILED, StudySession
+from esea_host.study.task import task_named
+from tests.conducted import calibration, of_tasks, opening, study_of
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+TRACKING = (
+    'task = "interaction.tracking"\ntrials = [{ repeat = 2, parameters = { seconds = 1.0 } }]'
+)
+
+
+@pytest.fixture
+def lockstep(simulated_elbow) -> LockstepDevice:
+    simulated_elbow.restart()
+    return LockstepDevice(simulated_elbow)
+
+
+@pytest.fixture
+def begun(tmp_path, lockstep) -> Iterator:
+    """A session of a protocol with the board whose clock the session moves."""
+    sources = []
+
+    def begin(protocol, drive=True) -> tuple[StudySession, BoardSource]:
+        study = study_of(tmp_path / "s", protocol)
+        folder = study.log_of("P01", 0).parent
+        sources.append(BoardSource(lockstep, folder, drive, lockstep.advance))
+        return study.session("P01", 0, sources[-1]), sources[-1]
+
+    yield begin
+    for source in sources:
+        source.close()
+
+
+def test_what_the_board_tells_is_what_the_task_gets_and_every_run_is_recorded(begun, lockstep):
+    session, source = begun(of_tasks(TRACKING))
+    assert session.run() == ""
+    assert lockstep.state() == "ACTIVE"
+    source.close()
+    assert "rms_error_deg" in session.state.past[1]
+    entries = read_log(session.log.path).entries
+    ready = next(e.data for e in entries if e.kind == "ready")
+    assert ready["simulated"]
+    assert ready["state"] == "ARMED"
+    assert ready["limits"]["limits.tau_max_Nm"] == pytest.approx(8.0)
+    assert abs(ready["tau_Nm"]) < 0.8
+    samples = [s for e in entries if e.kind == "frames" for s in e.data["samples"]]
+    assert len(samples) == 200
+    with esea_host.open_log(session.log.path.parent / ready["recording"]) as log:
+        table = log["sense_out"]
+        assert log.gaps == ()
+        # The second trial: as many runs as milliseconds, and each sample is one of them.
+        start, end = (log.events(t)[-1]["board_ns"] * 1e-9 for t in ("trial", "trial_end"))
+        during = table.between(start + 5e-4, end + 5e-4)
+        assert len(during) == 1000
+        assert np.array_equal(during["theta_load_rad"][9::10], [s[1] for s in samples[100:]])
+    # Cut out for the analysis, trial by trial.
+    study = StudyFolder.open(session.log.path.parents[2])
+    assert cut_trials(study) == 2
+    assert cut_trials(study) == 0
+    cut = session.log.path.parent / "encoder-2.csv"
+    assert is_simulated(cut)
+    time_s, theta_deg, _ = read_angle(cut)
+    assert np.allclose(time_s, np.arange(1, 1001) / 1000)
+    assert np.allclose(theta_deg, np.degrees(during["theta_load_rad"]), atol=1e-6)
+    (cut.parent / "device-1.mcap").rename(cut.parent / "device-2.txt")
+    cut.unlink()
+    assert cut_trials(study) == 0
+    torque, angle = source.gauges()
+    assert (torque.low, torque.high) == pytest.approx((-8.0, 8.0))
+    assert angle.high == pytest.approx(np.degrees(2.5))
+    assert lockstep.state() != "ACTIVE"  # disarmed with the source's end
+
+
+def test_what_counts_is_what_came_after_the_last_pause(tmp_path):
+    time_s = np.arange(1, 11) / 10
+    paused = paused_at(
+        time_s, [(0.2, "paused"), (0.35, "resumed"), (0.6, "paused"), (0.8, "resumed")]
+    )
+    assert np.flatnonzero(paused).tolist() == [1, 2, 5, 6]
+    write_recording(tmp_path / "a.csv", time_s, time_s, paused, False)
+    assert not is_simulated(tmp_path / "a.csv")
+    assert read_angle(tmp_path / "a.csv")[0].tolist() == pytest.approx([0.8, 0.9, 1.0])
+    write_recording(tmp_path / "b.csv", time_s, time_s, paused & False, False)
+    assert (tmp_path / "b.csv").read_text().startswith("time_s,theta_rad\n")
+    assert len(read_angle(tmp_path / "b.csv")[0]) == 10
+
+
+def test_a_board_that_is_not_armed_is_asked_for_nothing(begun, lockstep, monkeypatch):
+    asked = []
+    monkeypatch.setattr(lockstep, "want", lambda *_, **wanted: asked.append(wanted))
+    _, source = begun(of_tasks(TRACKING), drive=False)
+    source.want({})
+    assert asked == []
+    monkeypatch.setattr(lockstep, "state", lambda: "ARMED")
+    source.want({})
+    source.want({"tau_desired_Nm": 0.5})
+    assert [(w["mode"], w["tau_desired_Nm"]) for w in asked] == [(1.0, 0.0), (1.0, 0.5)]
+    monkeypatch.undo()
+
+
+def test_what_a_board_has_not_fails_the_trial_with_words(begun):
+    session, _ = begun(calibration(), drive=False)
+    session.run()
+    assert session.state.states[1] == FAILED
+    assert "elbow_drive does not fit: fe_deg is" in session.state.reasons[1]
+    assert "axis flexion, and its only axis is without a name" in session.state.reasons[1]
+
+
+def test_what_a_board_cannot_do_is_not_asked_of_it(begun):
+    _, source = begun(of_tasks(TRACKING), drive=False)
+    with pytest.raises(UserError, match="asks elbow_drive for impairment"):
+        source.want({"impairment": 1.0})
+
+
+def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockstep):
+    session, _ = begun(of_tasks(TRACKING))
+    steps = iter(range(1000))
+
+    def show(_) -> None:
+        if next(steps) == 120:  # within the second trial
+            lockstep.stop()
+            lockstep.advance(0.3)
+
+    session.run(show=show)
+    assert [session.state.states[n] for n in (1, 2)] == [COMPLETED, FAILED]
+    assert "the board is in STOPPED" in session.state.reasons[2]
+    assert len(session.state.remaining) == 0
+    session.repeat(2, "the stop was an accident")
+    again = StudySession(session.log.path, session.state.plan, "P01", session.source)
+    assert "the board is in STOPPED" in again.run()
+    again.close()
+
+
+def test_torque_at_rest_starts_nothing(begun, lockstep, monkeypatch):
+    known = lockstep.parameters()
+    monkeypatch.setattr(lockstep, "parameters", lambda: known | {"limits.tau_max_Nm": 1e-3})
+    session, _ = begun(of_tasks(TRACKING), drive=False)
+    assert "unload the joint and zero it" in session.run()
+
+
+def test_silence_is_told(begun, lockstep, monkeypatch):
+    from esea_host.study import board
+
+    _, source = begun(of_tasks(TRACKING), drive=False)
+    lockstep.listen(["sense_out"])
+    source.pull()
+    monkeypatch.setattr(board, "SILENT_S", 0.05)
+    source.advance = lambda _: None
+    with pytest.raises(UserError, match="Nothing came from the board"):
+        source.pull()
+
+
+def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot, monkeypatch):
+    """From the participant's window, by a key, over a real connection."""
+    from PySide6.QtCore import Qt
+
+    simulated_elbow.restart()
+    study = study_of(tmp_path / "s", of_tasks(TRACKING.replace("1.0", "60.0")))
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        given = simulated_elbow, listener, 3.0, False
+        thread = threading.Thread(target=serve_hosts, args=given)
+        thread.start()
+        with esea_host.open_device(f"tcp:127.0.0.1:{listener.getsockname()[1]}") as device:
+            source = BoardSource(device, study.log_of("P01", 0).parent, drive=False)
+            conductor = Conductor(study, "P01", 0, source, float("inf"))
+            participant, operator = opening(qtbot)(conductor, device)
+            conductor.start()
+            qtbot.waitUntil(lambda: conductor.trial_s > 0.1, timeout=120_000)
+            qtbot.keyClick(participant, Qt.Key.Key_Escape)
+            board = simulated_elbow.board
+            qtbot.waitUntil(lambda: board.state_now == "STOPPED", timeout=120_000)
+            qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
+            assert conductor.error is None
+            assert "the operator stopped it" in conductor.reason
+            # A board that does not confirm it is told in the largest letters.
+            monkeypatch.setattr(device, "state", lambda: "ACTIVE")
+            operator.stop_asked_s = 1.0
+            operator.refresh()
+            assert "NOT CONFIRMED: SWITCH" in operator.state.text()
+            monkeypatch.undo()
+            operator.close()
+            source.close()
+        listener.close()
+        thread.join(5.0)
+    assert not thread.is_alive()
+
+
+def test_every_shipped_task_says_what_it_cannot_do_without():
+    for name in ("wrist.neutral", "wrist.catch", "interaction.pong", "interaction.tracking"):
+        task = task_named(name, "")
+        assert task.inputs
+        assert set(task.switches) <= {"pause", "recentre"}

@@ -1,0 +1,339 @@
+"""When the world is off: each family changes what it says, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import esea_gen
+from esea_gen.device import Device
+from esea_gen.errors import UserError
+from esea_gen.hostlib.library import compile_system
+from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
+from esea_gen.language.system import System, Task
+from esea_gen.studies import simulation as room
+from esea_gen.studies.off_table import SWINGING_NM, OffTable, simulate_off
+from esea_gen.studies.simulation import simulate
+from esea_gen.studies.tracking import TuningCase
+from esea_gen.twin.case import TORQUE, Setting
+from esea_gen.twin.closed_loop import ClosedLoop
+from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.hand_plant import twin_system
+from esea_gen.twin.off import chosen_families, deviation, off_families
+from esea_gen.twin.people import ideal_plant
+from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
+from tests.conftest import require_tool
+from tests.studies.test_experiments import shorter
+from tests.twin.test_plant import P_NM_RAD, R_RAD, Rig
+from tests.typed import typed
+
+pytestmark = pytest.mark.ci
+
+EVERY = list(off_families())
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    require_tool("gcc")
+    return esea_gen.load_device("elbow_drive")
+
+
+@pytest.fixture(scope="module")
+def rigid(device) -> Rig:
+    return Rig(device, False)
+
+
+# -- the plant does what a family says ------------------------------------------------------------
+
+# So heavy and smooth that a motion is what it was started with.
+HEAVY = {"J_kgm2": 100.0, "fv_Nms_rad": 0.0, "fc_Nm": 0.0, "clamped": 1.0}
+
+
+def moved(rig: Rig, seconds: float, rate_rad_s: float, start_rad: float = 0.0, **values: float):
+    """Deflections and torques of a coupling that is turned at one rate, load side held."""
+    initial = {"theta_m_rad": start_rad, "omega_m_rad_s": rate_rad_s}
+    out = rig.run(np.zeros(round(seconds / rig.step_s)), initial, **(HEAVY | values))
+    return out["theta_m_rad"] - out["theta_l_rad"], out["tau_e_Nm"]
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("rubber-20", 0.8), ("rubber-10", 0.9), ("rubber+10", 1.1)]
+)
+def test_static_torque_of_another_rubber(device, rigid, name, scale):
+    # 0.1 rad from rest: 9.39 * 0.1 + 239 * 0.1**3 of the spring, nothing yet of the rest.
+    _, torque = moved(rigid, rigid.step_s, 0.0, 0.1, **deviation(name, device, 0).values)
+    assert torque[0] == pytest.approx(scale * 1.178, rel=1e-5)
+
+
+def test_twice_the_hysteresis(device, rigid):
+    values = deviation("hysteresis-x2", device, 0).values
+    (delta, once), (_, twice) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
+    stops = [P_NM_RAD @ np.clip(x, -R_RAD, R_RAD) for x in delta]
+    assert delta[-1] == pytest.approx(0.1, rel=0.01)
+    assert twice - once == pytest.approx(stops, abs=1e-3)
+    assert stops[-1] > 0.1
+
+
+@pytest.mark.parametrize("constant_s", [5.0, 0.05, 0.011])
+def test_a_second_relaxation_time(device, rigid, constant_s):
+    # Of a spring of 3 Nm/rad and a dashpot in line at a constant rate.
+    values = dict(deviation("relaxation", device, 0).values)
+    assert values == {"relaxation_Nm_rad": 3.0, "relaxation_s": 5.0}
+    values["relaxation_s"] = constant_s
+    (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
+    t = rigid.step_s * np.arange(1, len(delta) + 1)
+    branch = 3.0 * constant_s * (1 - np.exp(-t / constant_s))
+    assert both - alone == pytest.approx(branch, abs=2e-4)
+
+
+@pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
+def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
+    values = dict(deviation(name, device, 3).values)
+    runner = compile_system(twin_system(device), "f64").task("encode")
+    assert runner.prepare({"encoders": values}) == 0
+    n = 40_009  # no divisor in common with the counts of a turn
+    theta = 2 * np.pi * (np.arange(n) + 0.5) / n
+    angles = {f"theta_{k}_rad": theta for k in "mlg"}
+    counts, _ = runner.run(angles, trace=False)
+    steps = 2 ** int(device.file.encoder.resolution_bits.value)
+    phases = []
+    for side in ("motor", "load"):
+        read = 2 * np.pi * (counts[f"count_{side}"] + 0.5) / steps
+        error = np.angle(np.exp(1j * (read - theta)))
+        lines = np.fft.rfft(error) / (n / 2)
+        assert np.degrees(abs(lines[1])) == pytest.approx(deg, rel=0.01)
+        assert np.degrees(np.abs(lines[2:50]).max()) < 0.003
+        phases.append(np.angle(lines[1]))
+    assert abs(phases[0] - phases[1]) > 0.1  # each its own
+    other = deviation(name, device, 4).values
+    assert other["motor_phase_1_rad"] != values["motor_phase_1_rad"]
+
+
+# -- delay and missed runs in the loop ------------------------------------------------------------
+
+
+def counting() -> System:
+    """The command is a signal; a slow task counts its runs."""
+
+    def sense(c, s, u, guard, label):
+        return {}, {"u_Nm": 1 * u.ask_Nm}
+
+    def slow(c, s, u, guard, label):
+        return {"runs": s.runs + 1}, {"runs_done": s.runs + 1}
+
+    asked = Port("ask_Nm", -1, 1, "command", on_invalid=0.0)
+    return System(
+        "counting",
+        1e-3,
+        {
+            "front": Block.define(
+                "front",
+                "made up",
+                period_s=1e-3,
+                state=(),
+                inputs=(asked,),
+                outputs=(Port("u_Nm", -1, 1, "command"),),
+                step=sense,
+            ),
+            "slow": Block.define(
+                "slow",
+                "made up",
+                period_s=5e-3,
+                state=(Port("runs", 0, 1e6, "so far"),),
+                inputs=(Port("tau_e_Nm", -1e5, 1e5, "not used"),),
+                outputs=(Port("runs_done", 0, 1e6, "so far"),),
+                step=slow,
+            ),
+        },
+        (Task("sense", ("front",)), Task("control", ("slow",), 5)),
+        {},
+        {"ask_Nm": ("front.ask_Nm",), "tau_e_Nm": ("slow.tau_e_Nm",)},
+        {"u_Nm": "front.u_Nm", "runs_done": "slow.runs_done"},
+    )
+
+
+@pytest.fixture(scope="module")
+def loop(device) -> ClosedLoop:
+    return ClosedLoop(counting(), ideal_plant(device, "none"), "f64")
+
+
+@pytest.mark.parametrize(("name", "ms"), [("none", 0), ("delay+1ms", 1), ("delay+10ms", 10)])
+def test_a_command_arrives_later(device, loop, name, ms):
+    ticks = deviation(name, device, 0).delay_ticks
+    asked = 0.1 * np.random.default_rng(1).standard_normal(300)
+    asked[:50] = 0.0
+    plain = loop.run({"ask_Nm": asked})["u_a_Nm"]
+    assert np.flatnonzero(plain)[0] == 51  # commanded in tick 50, seen at the next
+    late = loop.run({"ask_Nm": asked}, delay_ticks=ticks)["u_a_Nm"]
+    assert np.flatnonzero(late)[0] == 51 + ms
+    assert np.array_equal(late[ms:], plain[: 300 - ms])
+
+
+def test_missed_runs_do_not_run(loop):
+    missed = np.zeros(100, bool)
+    missed[[10, 11, 12, 40, 45]] = True  # due are 0, 5, 10, ...
+    run = loop.run({"ask_Nm": np.zeros(100)}, missed=missed)
+    due = np.arange(100) % 5 == 0
+    assert np.array_equal(run["runs_done"], np.cumsum(due & ~missed))
+    assert run.missed_runs == 3
+    assert loop.run({"ask_Nm": np.zeros(100)}).missed_runs == 0
+    for bad in ({"missed": missed[1:]}, {"delay_ticks": -1}):
+        with pytest.raises(UserError, match="Give a delay from 0, and one value a tick"):
+            loop.run({"ask_Nm": np.zeros(100)}, **bad)
+
+
+@pytest.mark.ci
+@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize(("in_a_row", "latches"), [(4, False), (5, True)])
+def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
+    # docs/uncertainty.md states the number: four.
+    drive = controller_device(controller)
+    case = shorter(TuningCase().cases()[0], 4)
+    loop = compiled_loop(drive, True, "f32")
+    variant = plant_variant(drive, "real", "none", 0)
+    missed = np.zeros(4000, bool)
+    missed[2000 : 2000 + 5 * in_a_row] = True
+    signals = told(drive, loop, case.trajectory, TORQUE)
+    run = loop.run(signals, variant.values, seed=0, missed=missed)
+    assert run.missed_runs == in_a_row
+    assert bool(run.controller["fault"][1900] > 0) is False
+    assert bool(run.controller["fault"][-1] > 0) is latches
+
+
+# -- everything at once ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", EVERY[1:])
+def test_every_family_is_felt(name):
+    # From the path's start on; 10 ms more are felt within seconds.
+    case = shorter(TuningCase().cases()[0], 3)
+    plain = run_case(case, Setting(), 2)["tau_e_Nm"]
+    assert np.max(np.abs(run_case(case, Setting(off=name), 2)["tau_e_Nm"] - plain)) > 1e-3
+
+
+# -- what is said of it ---------------------------------------------------------------------------
+
+
+def test_names_and_groups():
+    assert chosen_families("rubber") == ["rubber-20", "rubber-10", "rubber+10", "rubber+20"]
+    assert chosen_families("lag-x2, lag") == ["lag-x2", "lag-x0.5"]
+    assert chosen_families("all") == [n for n in EVERY if not n.startswith("random")]
+    without = [n for n in chosen_families("all") if n != "backlash-30mrad"]
+    assert chosen_families("all", rigid=True) == without
+    # By name it stays, to be refused with its reason.
+    assert chosen_families("backlash", rigid=True) == ["backlash-30mrad"]
+    assert chosen_families("random") == ["random"]
+    for name in EVERY:
+        assert chosen_families(name) == [name]
+    with pytest.raises(UserError) as error:
+        chosen_families("rubber,delay+3ms")
+    said = str(error.value)
+    assert "unknown family 'delay+3ms'" in said
+    assert "Did you mean delay+" in said
+    assert all(f"{r.name}: {r.meaning}" in said for r in off_families().values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--off", "ruber"], "unknown family 'ruber'. Did you mean rubber?"),
+        (["--off", ""], "--off names no family: it is empty. Leave --off out for none"),
+        (["--off", " "], "--off names no family"),
+        (["--off", "none,missd"], "Did you mean missed?"),
+        (
+            ["--off", "backlash", "--plant", "ideal"],
+            "has no cable_backlash_rad: its cable is rigid",
+        ),
+    ],
+)
+def test_bad_input_is_explained(arguments, said):
+    done = typed("simulate", "tuning", *arguments)
+    assert done.returncode == 2, done.stderr
+    assert said in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.ci
+def test_one_command_makes_the_table(tmp_path):
+    file, sheet = tmp_path / "off.json", tmp_path / "off.csv"
+    command = (
+        "simulate tuning --off rubber-10,missed-10% --controller smc --controller mpc --jobs 1"
+    )
+    done = typed(*command.split(), "--json", file, "--csv", sheet)
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+    rows = json.loads(file.read_text())["off"]
+    assert [(r["off"], r["controller"]) for r in rows] == [
+        (n, c) for n in ("rubber-10", "missed-10%") for c in ("smc", "mpc")
+    ]
+    # A tenth of what the elastomer has of 1.7 Nm is missing, whoever controls.
+    wrong = 0.1 * 1.7 / math.sqrt(2)
+    assert [r["rms_true_Nm"] for r in rows[:2]] == pytest.approx([wrong, wrong], rel=0.2)
+    assert [r["fault"] for r in rows] == [0, 0, 0, 0]
+    assert sheet.read_text().count("\n") == 5
+
+
+def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]:
+    """In place of a run: figures that tell where they come from."""
+    if off == "lag-x2" and seed == 1:
+        raise ArithmeticError("the plant left the page")
+    rms = 0.1 * (1 + seed) ** 2 * (2 if controller == "mpc" else 1)
+    swing = 0.2 if off == "lag-x2" else 0.15
+    rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "tripped", "limited_share"), 0.0)
+    ends = {"unstable": float(seed == 2), "fault": float(off == "missed-5%")}
+    return {"rms_true_Nm": rms, "rms_above_4Hz_Nm": swing, **ends, **rest}
+
+
+@pytest.mark.ci
+def test_one_table_of_all(monkeypatch):
+    monkeypatch.setattr(room, "simulate_case", quick)
+    told_of: list[tuple[int, int, int]] = []
+    names = ("none", "lag-x2", "missed-5%")
+    settings = [Setting(c, off=n) for n in names for c in ("smc", "mpc")]
+    done = simulate_off("tuning", settings, runs=3, progress=lambda *a: told_of.append(a))
+    assert isinstance(done, OffTable)
+    assert told_of[-1] == (18, 18, 2)
+    assert [n for n, _, _ in told_of] == sorted(n for n, _, _ in told_of)
+    content = done.to_dict()
+    json.dumps(content, allow_nan=False)
+    rows = {(r["off"], r["controller"]): r for r in content["off"]}
+    assert rows["none", "smc"]["rms_true_Nm"] == pytest.approx(0.4)
+    assert rows["none", "mpc"]["rms_true_Nm_worst"] == pytest.approx(1.8)
+    assert rows["lag-x2", "smc"]["rms_true_Nm"] == pytest.approx(0.5)  # of the first and third
+    assert [rows["lag-x2", "smc"][k] for k in ("failed", "swinging", "unstable")] == [1, 2, 1]
+    # At the limit is not above it.
+    assert (rows["none", "smc"]["swinging"], SWINGING_NM) == (0, 0.15)
+    assert rows["missed-5%", "mpc"]["fault"] == 3
+    assert {(c["off"], c["family"], c["controller"]) for c in content["cases"]} == {
+        (n, off_families()[n].group, c) for n in names for c in ("smc", "mpc")
+    }
+    text = "\n".join(done.table())
+    assert "2 swinging" in text
+    assert "3 latched" in text
+    assert "1 failed" in text
+    assert "include the time after that" in text
+    assert done.csv().count("\n") == 19
+    assert "lag-x2" in done.csv()
+    figure = done.figure()
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == list(names)
+    # A latched controller has no bar, but a cross.
+    assert [bar.get_width() for bar in figure.axes[0].containers[0]] == pytest.approx([0.4, 0.5, 0])
+
+
+def test_one_family_alone_is_a_study_as_ever(monkeypatch):
+    monkeypatch.setattr(room, "simulate_case", quick)
+    done = simulate_off("tuning", [Setting(off="lag-x0.5")], runs=2)
+    assert not isinstance(done, OffTable)
+    content = done.to_dict()
+    assert (content["off"], content["cases"][0]["off"], content["cases"][0]["family"]) == (
+        "lag-x0.5",
+        "lag-x0.5",
+        "lag",
+    )
+    assert "off: motor's lag 0.5 times the model's" in done.table()[0]
+    with pytest.raises(UserError, match="unknown family"):
+        simulate("tuning", Setting(off="everything"))

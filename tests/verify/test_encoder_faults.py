@@ -1,0 +1,241 @@
+"""Encoders that fail in closed loop with the shipped controllers: found, and how soon."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from esea_gen.errors import UserError
+from esea_gen.studies.registry import load_study
+from esea_gen.studies.simulation import ClosedLoopStudy, default_person
+from esea_gen.twin.case import Setting
+from esea_gen.twin.faults import parse_fault
+from esea_gen.twin.judge import fault_figures
+from esea_gen.twin.loop_run import ClosedLoopRun
+from esea_gen.twin.run import run_case
+from tests.benchmarks.encoder_faults import AT_S, CASES, quiet
+from tests.cli.test_cli import run as run_cli
+from tests.conftest import ROOT, require_tool, without
+
+PAGE = ROOT / "docs" / "limits.md"
+
+
+def run(fault: str, study: str = "bread", case: str = "0 Nm", controller: str = "smc"):
+    require_tool("gcc")
+    found = load_study(study, ClosedLoopStudy).case(case)
+    setting = Setting(controller, "real", default_person(study, "real"), fault=fault)
+    return run_case(found, setting, 0)
+
+
+# -- the fault itself ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return run("")
+
+
+def moved(a, b, full):
+    """By how many counts, the short way round."""
+    d = a - b
+    return d - full * np.round(d / full)
+
+
+@pytest.mark.parametrize(
+    ("side", "counts", "full"),
+    [("load", ["count_load"], 4096), ("gear", ["count_gear"], 2**17)],
+)
+def test_a_fault_begins_at_its_tick_and_touches_its_encoder_alone(sound, side, counts, full):
+    wrong = run(f"slip:{side}@4=0.0838")
+    for name in ("count_load", "count_motor", "count_gear"):
+        assert np.array_equal(wrong.plant[name][:4000], sound.plant[name][:4000])
+        same = wrong.plant[name][4000] == sound.plant[name][4000]
+        assert same == (name not in counts), name
+    turns = 0.0838 / (2 * np.pi) * (74 if side == "gear" else 1)
+    step = moved(wrong.plant[counts[0]][4000], sound.plant[counts[0]][4000], full)
+    assert step == pytest.approx((turns - np.round(turns)) * full, abs=1)
+
+
+def test_what_each_kind_makes_of_the_angle(sound):
+    after = slice(4000, 4005)  # before the loop can answer
+    truth = sound.plant["count_load"]
+    frozen = run("freeze:load@4").plant["count_load"]
+    assert set(frozen[4000:]) == {truth[4000]}
+    # The gear's encoder turns 74 times as far as the joint and has 17 bits.
+    gear = run("drift:gear@4=0.05").plant["count_gear"]
+    expected = np.floor(0.05e-3 * np.arange(5) * 74 * 2**17 / (2 * np.pi))
+    step = moved(gear[after], sound.plant["count_gear"][after], 2**17)
+    assert step == pytest.approx(expected, abs=1)
+    drift = run("drift:load@4=10").plant["count_load"]
+    expected = np.floor(10 * 1e-3 * np.arange(5) * 4096 / (2 * np.pi))
+    assert moved(drift[after], truth[after], 4096) == pytest.approx(expected, abs=1)
+    # Whole counts of a turn, also of one that drifts past its zero.
+    far = run("drift:load@4=10").plant["count_load"]
+    assert (far.min(), far.max()) == (0, 4095)
+    load = run("gain:load@4=0.5")
+    theta = load.plant["theta_l_rad"][4000:4200]
+    seen = moved(load.plant["count_load"][4000:4200], load.plant["count_load"][4000], 4096)
+    assert seen * 2 * np.pi / 4096 == pytest.approx(
+        0.5 * (theta - theta[0]), abs=2 * 2 * np.pi / 4096
+    )
+    assert np.ptp(theta) > 0.02
+    both = run("freeze:both@4").plant
+    for name in ("count_load", "count_motor"):
+        assert len(set(both[name][4000:])) == 1
+    assert len(set(both["count_gear"][4000:4100])) > 10
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("freeze:load", "is no fault"),
+        ("freze:load@4", "Did you mean freeze"),
+        ("freeze:lod@4", "Did you mean load"),
+        ("freeze:load@4=1", "has no amount"),
+        ("slip:load@4=inf", "not a number from -10 to 10"),
+        ("slip:load@-1", "not a number from 0"),
+    ],
+)
+def test_what_is_no_fault_is_refused(text, said):
+    with pytest.raises(UserError, match=said):
+        parse_fault(text)
+    assert str(parse_fault("drift:gear@2=0.1")) == "drift:gear@2=0.1"
+    assert str(parse_fault("freeze:both@2")) == "freeze:both@2"
+
+
+# -- its figures, on a run made by hand ------------------------------------------------------------
+
+
+def by_hand(latched_at):
+    n = 1000
+    tau, omega, fault = np.zeros(n), np.zeros(n), np.zeros(n)
+    tau[:100], omega[:100] = 50.0, 50.0  # before the fault: nothing of it counts
+    tau[100:200], omega[100:200] = 2.0, 3.0  # 0.6 J given
+    tau[200:300], omega[200:300] = 2.0, -1.0  # 0.2 J taken back
+    tau[300:400], omega[300:400] = -4.0, -2.0  # 0.8 J given
+    tau[900] = -30.0
+    if latched_at is not None:
+        fault[latched_at:] = 6
+    plant = {"tau_e_Nm": tau, "omega_l_rad_s": omega}
+    return ClosedLoopRun(plant, {"fault": fault}, 1e-3 * np.arange(n))
+
+
+def test_figures_of_a_fault_by_hand():
+    fault = parse_fault("freeze:load@0.1")
+    assert fault_figures(by_hand(350), fault) == {
+        "detected_ticks": 250.0,
+        "detected_fault": 6.0,
+        "torque_then_Nm": 4.0,
+        "peak_torque_Nm": 4.0,
+        "energy_J": pytest.approx(1.2),  # 0.6 - 0.2 + 0.8
+    }
+    # Found early: what comes more than 0.2 s later is no more of this fault.
+    early = fault_figures(by_hand(110), fault)
+    assert early["energy_J"] == pytest.approx(0.6)
+    assert early["peak_torque_Nm"] == pytest.approx(4.0)
+    # What the limb gave before does not make up for what it is given later.
+    late = fault_figures(by_hand(350), parse_fault("freeze:load@0.2"))
+    assert late["energy_J"] == pytest.approx(0.8)
+    never = fault_figures(by_hand(None), fault)
+    assert never["peak_torque_Nm"] == 30.0
+    assert "detected_ticks" not in never
+    for at, said in ((1.0, "the run ends"), (0.5, "the latch is closed")):
+        with pytest.raises(UserError, match=said):
+            fault_figures(by_hand(400), parse_fault(f"freeze:load@{at}"))
+
+
+def test_the_tail_of_healthy_runs_gives_the_rate_of_alarms():
+    # Largest shares drawn from a known law: its own chance of more than 1 comes back.
+    rng = np.random.default_rng(4)
+    shares = 0.4 - 0.06 * np.log(-np.log(rng.uniform(size=4000)))  # Gumbel
+    results = [{"angle": 0.1, "torque": float(s), "latched": 0.0, "hours": 0.01} for s in shares]
+    found = quiet(results)
+    chance = 1 - np.exp(-np.exp(-(1 - 0.4) / 0.06))
+    assert found.per_1000_h == pytest.approx(chance / 0.01 * 1000, rel=0.6)
+    assert (found.runs, found.alarms, found.angle) == (4000, 0, 0.1)
+    assert found.hours == pytest.approx(40.0)
+
+
+# -- in closed loop --------------------------------------------------------------------------------
+
+
+def table() -> dict[str, list[str]]:
+    """The page's rows, by fault."""
+    text = PAGE.read_text(encoding="utf-8")
+    part = text[text.index("| fault | found |") :]
+    rows = part[: part.index("\n\n")].splitlines()[2:]
+    cells = [[c.strip() for c in row.strip("|").split("|")] for row in rows]
+    return {c[0].strip("`"): c[1:] for c in cells}
+
+
+@pytest.mark.parametrize("controller", ["smc", pytest.param("mpc", marks=pytest.mark.ci)])
+@pytest.mark.parametrize(
+    "fault", ["freeze:load", "freeze:motor", "freeze:both", "freeze:gear", "drift:load=0.5"]
+)
+def test_the_pages_bounds_hold_in_closed_loop(fault, controller):
+    kind, _, amount = fault.partition("=")
+    found, ticks, then, peak, energy, *_ = table()[fault]
+    figures = fault_figures(
+        run(f"{kind}@4" + (f"={amount}" if amount else ""), controller=controller),
+        parse_fault(f"{kind}@4" + (f"={amount}" if amount else "")),
+    )
+    assert figures["detected_ticks"] <= float(ticks)
+    assert figures["torque_then_Nm"] <= float(then) + 0.05
+    assert figures["peak_torque_Nm"] <= float(peak) + 0.05
+    assert figures["energy_J"] <= float(energy) + 0.05
+    assert not found.startswith("0")
+
+
+def test_without_the_comparison_a_frozen_encoder_is_not_found(tmp_path):
+    """What the comparison is for: the same device without it holds still against the person."""
+    import esea_gen
+
+    text = esea_gen.load_device("elbow_drive").toml()
+    bare = tmp_path / "bare.toml"
+    bare.write_text(without(text, "redundancy", "cable"))
+    case = ("freeze:load@4", "backdriven", "0.1 Hz")
+    blind, with_ = (
+        fault_figures(run(*case, controller=c), parse_fault(case[0])) for c in (str(bare), "smc")
+    )
+    # The limit of the interaction torque, on the torque that is shown: 8 Nm.
+    assert blind["detected_fault"] == 9
+    assert blind["torque_then_Nm"] > 8.0
+    assert blind["peak_torque_Nm"] > 10.0
+    assert with_["detected_fault"] == 6
+    assert with_["peak_torque_Nm"] < 6.0
+    assert with_["detected_ticks"] < 0.6 * blind["detected_ticks"]
+
+
+def test_the_command_says_what_came_of_it(tmp_path):
+    require_tool("gcc")
+    out = tmp_path / "fault.json"
+    done = run_cli("simulate", "bread", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+    content = json.loads(out.read_text())
+    assert content["simulated"] is True
+    assert content["fault"] == "freeze:load@4"
+    still, pushed = content["cases"]  # 0 and 2 Nm
+    assert 0 < still["detected_ticks"] < 1000
+    assert still["detected_fault"] == 6
+    assert pushed["peak_torque_Nm"] < 4.0  # found or within the room
+    assert min(still["energy_J"], pushed["energy_J"]) >= 0
+    done = run_cli("simulate", "tuning", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
+    (case,) = json.loads(out.read_text())["cases"]
+    assert case["detected_ticks"] is None  # the output is fixed: what is read is right
+    done = run_cli("simulate", "bread", "--fault", "freeze:load@40", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "outside 0.1 to 25 s" in re.sub(r"\s+", " ", done.stderr)
+
+
+@pytest.mark.slow
+def test_the_pages_table_is_what_the_benchmark_finds():
+    from tests.benchmarks.encoder_faults import FAULTS, fault_rows
+    from tests.benchmarks.encoder_faults import table as lines
+
+    rows = fault_rows(FAULTS, 1, -1)
+    assert all(line in PAGE.read_text(encoding="utf-8") for line in lines(rows))
+    assert {r["runs"] for r in rows} == {len(CASES) * 2 * len(AT_S)}

@@ -1,0 +1,215 @@
+"""Committed traces: behaviour is kept, and a change of it reads well."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+from esea_gen.device import Device, load_device, parse_device
+from esea_gen.devices.file import shipped_devices
+from esea_gen.errors import UserError
+from esea_gen.verify.traces import (
+    MARK,
+    PARTS,
+    accept_traces,
+    check_traces,
+    differences,
+    run_trace,
+    trace_stream,
+)
+from tests.conftest import ROOT
+
+TRACES = ROOT / "tests" / "traces"
+H = 1e-3
+
+
+@pytest.fixture(scope="module")
+def stored() -> str:
+    return (TRACES / "elbow.csv").read_text()
+
+
+@pytest.fixture(scope="module")
+def trace(elbow):
+    return run_trace(elbow)
+
+
+def changed_elbow(pattern: str, value: str) -> Device:
+    text, count = re.subn(pattern, value, shipped_devices()["elbow"].read_text(), count=1)
+    assert count == 1
+    return parse_device(text, "elbow.toml")
+
+
+# Its steps are interpreted, one by one; CI runs it with the slow sample.
+DEVICES = [
+    pytest.param(name, marks=pytest.mark.slow) if name == "elbow_mpc" else name
+    for name in sorted(shipped_devices())
+]
+
+
+@cache
+def checked(name: str) -> tuple[list[str], dict[str, np.ndarray]]:
+    """What differs of a device, and the stream that it was run over."""
+    streams = []
+
+    def kept(device, told=None):
+        streams.append(trace_stream(device, told))
+        return streams[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("esea_gen.verify.traces.trace_stream", kept)
+        found = check_traces(TRACES, {name: load_device(name)})
+    (stream,) = streams
+    return found, stream
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_every_shipped_device_behaves_as_accepted(name):
+    found, _ = checked(name)
+    assert not found, "\n".join([*found, "Accept with: esea-gen traces accept"])
+
+
+def test_the_stream_tries_what_it_says(elbow, trace):
+    stream = trace_stream(elbow)["theta_rad"]
+    steps = sum(round(p.duration_s / elbow.period_s) for p in PARTS)
+    assert len(stream) == steps
+    usual = stream[np.isfinite(stream)]
+    assert np.isnan(stream).any()
+    assert np.isinf(stream).any()
+    assert np.array_equal(usual, usual.astype(np.float32))
+    words = np.bitwise_or.reduce(trace.outputs["sensor_status"].astype(int))
+    seen = {n for i, n in enumerate(trace.flags["sensor_status"]) if words >> i & 1}
+    assert {"INPUT_INVALID", "THETA_OUTSIDE", "RATE_OUTSIDE", "TORQUE_OUTSIDE"} <= seen
+    chirp = slice(10, 159)  # its rows
+    assert not trace.outputs["sensor_status"][chirp].any()
+
+
+def test_a_changed_parameter_shows(stored):
+    device = changed_elbow(r"(k1_Nm_rad = \{ value = )[\d.]+", r"\g<1>9.391")
+    found = differences(run_trace(device), stored)
+    assert [line.split()[1] for line in found] == ["tau_Nm", "tau_spring_Nm"]
+    for line in found:
+        assert re.fullmatch(
+            r"elbow: \w+ from step \d+ \(chirp in the domain\) on: \S+ -> \S+; \d+ of 400 rows "
+            r"differ; largest change [\d.e-]+ % of full scale, step \d+ \([\w ]+\)",
+            line,
+        ), line
+
+
+def test_a_changed_threshold_shows_as_flags(elbow, stored):
+    device = changed_elbow(r"(tau_full_scale_Nm = \{ value = )[\d.]+", r"\g<1>3.0")
+    found = differences(run_trace(device), stored)
+    assert len(found) == 1
+    assert re.search(r"sensor_status .*: 0 -> TORQUE_OUTSIDE; \d+ of 400 rows differ$", found[0])
+
+
+def test_a_changed_input_is_told_first(stored):
+    device = changed_elbow(r"(theta_max_rad = \{ value = )[\d.]+", r"\g<1>0.19")
+    assert differences(run_trace(device), stored)[0].startswith("elbow: theta_rad from step")
+
+
+def test_added_and_removed_columns_show(trace, stored):
+    renamed = stored.replace(",tau_rate_Nm,", ",tau_old_Nm,", 1)
+    assert differences(trace, renamed) == [
+        "elbow: output tau_rate_Nm added",
+        "elbow: column tau_old_Nm removed",
+    ]
+
+
+def test_a_last_digit_of_another_libm_does_not_show(trace, stored):
+    other = {n: a * (1 + 1e-13) if n == "tau_Nm" else a for n, a in trace.outputs.items()}
+    same = type(trace)(**(vars(trace) | {"outputs": other}))
+    assert differences(same, stored) == []
+    other["tau_Nm"] = trace.outputs["tau_Nm"] + 4.47e-8
+    assert len(differences(type(trace)(**(vars(trace) | {"outputs": other})), stored)) == 1
+
+
+@pytest.mark.parametrize("text", ["", "nonsense", "step,theta_rad\n1\n", "a,b\n1,2\n"])
+def test_a_broken_file_is_told(trace, text):
+    assert len(differences(trace, text)) == 1
+    assert "cannot be read" in differences(trace, text)[0]
+
+
+def test_a_shorter_file_is_told(trace, stored):
+    cut = "\n".join(stored.splitlines()[:200])
+    assert "the stream is another one: 198 rows" in differences(trace, cut)[0]
+
+
+@pytest.mark.ci
+def test_accept_writes_then_keeps_then_replaces(elbow, tmp_path):
+    devices = {"elbow": elbow}
+    folder = tmp_path / "new" / "traces"
+    assert check_traces(folder, devices) == ["elbow: no trace is stored yet"]
+    assert accept_traces(folder, devices) == ["elbow: no trace is stored yet"]
+    path = folder / "elbow.csv"
+    assert check_traces(folder, devices) == []
+    before = path.stat().st_mtime_ns
+    assert accept_traces(folder, devices) == []
+    assert path.stat().st_mtime_ns == before
+
+    changed = {"elbow": changed_elbow(r"(k1_Nm_rad = \{ value = )[\d.]+", r"\g<1>9.5")}
+    found = check_traces(folder, changed)
+    assert found
+    assert accept_traces(folder, changed) == found
+    assert check_traces(folder, changed) == []
+    assert check_traces(folder, devices) != []
+
+
+def test_the_trace_of_a_device_that_is_gone(tmp_path, monkeypatch):
+    one = {"elbow": shipped_devices()["elbow"]}
+    monkeypatch.setattr("esea_gen.verify.traces.shipped_devices", lambda: one)
+    accept_traces(tmp_path)
+    (tmp_path / "gone.csv").write_text(f"{MARK}: gone\nstep\n")
+    (tmp_path / "other.csv").write_text("not ours\n")
+    gone = ["gone: a trace is stored, but there is no such device"]
+    assert check_traces(tmp_path) == gone
+    assert accept_traces(tmp_path) == gone
+    assert check_traces(tmp_path) == []
+    assert (tmp_path / "other.csv").exists()
+
+
+def test_a_folder_that_cannot_be_written(elbow, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="cannot be written"):
+        accept_traces(tmp_path / "file" / "traces", {"elbow": elbow})
+
+
+# -- what a drive's trace is run over: everything that it is to show happens in it ----------------
+
+
+@pytest.fixture(scope="module")
+def stream() -> dict[str, np.ndarray]:
+    return checked("elbow_drive")[1]
+
+
+def stretches(x: np.ndarray) -> list[tuple[float, float, float]]:
+    """Values of a piecewise constant signal: value, first time, end."""
+    edges = [0, *(np.flatnonzero(np.diff(x)) + 1).tolist(), len(x)]
+    return [(float(x[a]), round(a * H, 4), round(b * H, 4)) for a, b in itertools.pairwise(edges)]
+
+
+def test_both_modes_run_and_are_left_and_entered_again(stream):
+    modes = stretches(stream["mode"])
+    assert [m for m, _, _ in modes] == [0, 1, 2, 0, 1]
+    # Long enough for what fades in a second, and at rest long enough to be armed again.
+    assert all(end - begin > 0.4 for mode, begin, end in modes if mode)
+    for mode, begin, _ in modes:
+        if mode == 1:
+            # Each time after a request of its own, which came while the drive was off.
+            asked = [t for n, t, _ in stretches(stream["rearm"]) if n and t < begin]
+            off = stream["mode"][round(asked[-1] / H)]
+            assert off == 0
+
+
+def test_it_is_stopped_and_loses_frames_while_it_is_on(stream):
+    (stop,) = [s for s in stretches(stream["stop"]) if s[0]]
+    assert stream["mode"][round(stop[1] / H) - 1] == 2
+    assert stream["mode"][round(stop[1] / H)] == 0
+    (lost,) = [s for s in stretches(stream["frame_error_load"]) if s[0]]
+    assert lost[0] == 2.0
+    assert lost[2] - lost[1] == pytest.approx(0.002)
+    assert stream["mode"][round(lost[1] / H)] == 2
+    assert not np.any(stream["frame_error_motor"])
