@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.identify.drive.startup import DriveRecording, GearPath
 from esea_gen.link.transport import LinkError
 from esea_gen.model.sensing import of_axis
+from esea_host.commissioning.startup import DriveRecording, GearPath
 from esea_host.connection import Batch, ConnectedDevice, Subscription
 from esea_host.recording.layout import Array
 
@@ -155,7 +155,7 @@ class CommissioningBench:
         return found
 
     def recording(self, c: Capture) -> DriveRecording:
-        """A capture as :mod:`esea_gen.identify.drive` takes it."""
+        """A capture as the checks of a start-up take it."""
         motor, load = c["theta_motor_rad"], c["theta_load_rad"]
         if not self.drives:
             return DriveRecording(c.tick_s, np.zeros(len(c)), motor, motor, load)

@@ -10,10 +10,10 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.identify.drive.regression import Estimate, fit_linear
-from esea_gen.identify.drive.sign import SignCheck
-from esea_gen.identify.drive.signals import Signals, motor_torque
-from esea_gen.identify.drive.startup import RATIO_OFF, DriveRecording, StartupCheck
 from esea_host.commissioning.bench import Capture
+from esea_host.commissioning.sign import SignCheck
+from esea_host.commissioning.signals import Signals, motor_torque
+from esea_host.commissioning.startup import RATIO_OFF, DriveRecording, StartupCheck
 from esea_host.recording.layout import Array
 
 AGAIN = "Do it again; look for what is loose, or touched the joint."

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_gen.identify.drive.startup import StartupCheck
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
 from esea_gen.studies.torque_check.check import TorqueCheck
+from esea_host.commissioning.startup import StartupCheck
 from esea_host.connection.identity import Identity
 from esea_host.recording.layout import Array
 

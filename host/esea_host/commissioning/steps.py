@@ -10,7 +10,6 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.drive.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
 from esea_gen.studies.torque_check.check import (
     RECORD_S,
     SETTLE_S,
@@ -29,6 +28,7 @@ from esea_host.commissioning.drive import (
     turned_friction,
 )
 from esea_host.commissioning.record import StepResult, new_picture, over, torque_bars
+from esea_host.commissioning.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
 
 ZERO_TRIES, LOOK_S = 5, 1.0
 REST_RAD = 0.02  # about a degree: a joint that is held still by hand

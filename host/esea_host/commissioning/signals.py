@@ -14,9 +14,9 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.hostlib.library import HostLibrary, compile_system
-from esea_gen.identify.drive.startup import DriveRecording
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
+from esea_host.commissioning.startup import DriveRecording
 
 FILTER_S, RUBBER_S = 0.042, 0.024  # widths of the Hann windows
 SLOW_RAD_S = 0.1  # below, friction is neither Coulomb's full value nor known to be less

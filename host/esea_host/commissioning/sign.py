@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from esea_gen.identify.drive.startup import DriveRecording
+from esea_host.commissioning.startup import DriveRecording
 
 FOLLOWS = 0.25  # of the gear's motion, at least, where a side is to have moved with it
 STANDS = 0.1  # of it, at most, where a side is clamped
