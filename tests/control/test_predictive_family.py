@@ -264,7 +264,7 @@ def test_the_closed_loop_is_three_times_as_close_as_sliding_mode(elbow, tmp_path
         path = tmp_path / f"{base}.toml"
         path.write_text(drive(rig, base))
         case = load_study("tuning", ClosedLoopStudy).cases()[0].name
-        found = simulate_case("tuning", case, 0, str(path), "real", "none", "f32")
+        found = simulate_case("tuning", case, 0, controller=str(path), person="none")
         assert not found["unstable"] + found["tripped"]
         error[base] = found["rms_true_Nm"]
     assert error["elbow_mpc"] < 0.05

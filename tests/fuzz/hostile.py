@@ -11,7 +11,6 @@ import argparse
 import contextlib
 import io
 import json
-import random
 import resource
 import signal
 import struct
@@ -21,6 +20,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from random import Random
 
 import numpy as np
 
@@ -44,7 +44,7 @@ from esea_host.study.protocol import parse_protocol
 MOST_S = 60.0  # an input; a busy machine is slow
 MOST_BYTES = 1 << 30  # beyond what the imports take
 ROOT = Path(__file__).parents[2]
-Rng = random.Random
+Rng = Random
 NUMBERS = (
     0,
     1,

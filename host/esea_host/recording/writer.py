@@ -47,8 +47,6 @@ class Recorder:
     piece_s : float
         After how long a piece is written, at the latest.
 
-    ``closed``: nothing more is written.
-
     Raises
     ------
     UserError
