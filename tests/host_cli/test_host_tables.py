@@ -56,7 +56,9 @@ def run(tmp_path, monkeypatch):
     return call
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=[pytest.mark.ci] * (c != "import")) for c in COMMANDS]
+)
 @pytest.mark.parametrize("hostile", HOSTILE)
 def test_every_command_refuses_it_alike(run, hostile, command):
     (first, second), words = COMMANDS[command]
