@@ -148,6 +148,11 @@ def test_the_definition_of_a_bandwidth_is_said():
     b = r.bandwidth()
     assert b.returns
     assert 2 < b.bandwidth_Hz < 3
+    # Flat to 1 Hz, then 20 dB a decade: -3.01 dB is at the root of 2, however coarse the grid.
+    corner = FrequencyResponse(
+        np.array([0.1, 1, 10, 100]), np.array([1, 1, 0.1, 0.01 + 0j]), None, None, "asymptotes"
+    )
+    assert corner.bandwidth().bandwidth_Hz == pytest.approx(math.sqrt(2), rel=1e-3)
     assert r.bandwidth(drop_dB=20).bandwidth_Hz is None
     assert r.bandwidth(passband_gain=2.0).bandwidth_Hz == f[0]
     with pytest.raises(UserError):
@@ -247,6 +252,8 @@ def test_sweep_at_irregular_samples(swept):
     true = exact(r.frequency_Hz, 2 * np.pi * 8, 0.4, 0.01)
     assert r.frequency_Hz[0] < 1.4
     assert r.frequency_Hz[-1] > 38
+    later = sweep_response(t + 5, u, y, Sweep(0.0, 40.0, 40.0, start_s=5.0))
+    np.testing.assert_allclose(later.response, r.response, rtol=1e-6)
     assert np.max(np.abs(r.response / true - 1)) < 0.022
     # All but a little of that is the sweep's rate: H - j k / (4 pi) d2H/df2, k = 1 Hz/s.
     d = 1e-2
