@@ -44,7 +44,7 @@ def run_tool(
         words, cwd=folder, capture_output=True, text=True, errors="replace", check=False, **more
     )
     if failed and done.returncode != 0:
-        raise RuntimeError(f"{failed}:\n{(done.stderr or done.stdout)[-3000:]}")
+        raise RuntimeError(f"{failed}:\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
     return done
 
 

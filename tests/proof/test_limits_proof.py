@@ -35,10 +35,10 @@ def test_every_property_holds_for_any_bits(drive, real):
 
 
 @slow
-@pytest.mark.parametrize("real", REALS)
-def test_the_properties_are_not_empty(drive, real):
+def test_the_properties_are_not_empty(drive):
+    """In f32; the same properties are broken by faults in q31, below."""
     require_tool("z3")
-    found = {v.name: v.said for v in show_possible(drive, real)}
+    found = {v.name: v.said for v in show_possible(drive, "f32")}
     assert found == dict.fromkeys(POSSIBLE, "possible")
 
 
