@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from esea_gen.language.block import Block
     from esea_gen.language.ports import Port, Tunable
     from esea_gen.language.system import System, Task
-
-__version__ = "0.1.0"
+    from esea_gen.version import __version__ as __version__
 
 # Before NumPy reads it.  The matrices here are small: an OpenBLAS with threads takes 7 ms for the
 # exponential of a 4 by 4 one, 300 times as long as with one thread, and its sums depend on the
@@ -31,6 +30,7 @@ _HOMES = {
     "Tunable": "language.ports",
     "UserError": "errors",
     "load_device": "device",
+    "__version__": "version",
 }
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from esea_gen import __version__
 from esea_gen.errors import UserError, choose
+from esea_gen.version import __version__
 
 
 @cache

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device, parse_device
-from esea_gen.hostlib.library import compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task

@@ -23,7 +23,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device, find_compiler
 from esea_gen.hostlib.compiler import compiler_version
-from esea_gen.hostlib.runner import run_schedule
+from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Process, ProcessTransport, Transport

@@ -44,6 +44,9 @@ class SimTransport(Transport):
         self._lib.sim_feed(data, len(data))
         self._lib.sim_poll()
 
+    def close(self) -> None:
+        """Nothing to let go of."""
+
 
 @lru_cache(maxsize=4)
 def _built(

@@ -1,4 +1,4 @@
-"""Compile a rendered System for the host and call it.
+"""Compile a rendered System for the host, load it, and run its Blocks, tasks and boards.
 
 cffi works in ABI mode: no Python headers are needed, and its declarations are read from the emitted
 header by the C preprocessor, never typed again.
@@ -16,11 +16,10 @@ from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.codec import block_field, external_field, struct_dtype
+from esea_gen.hostlib.codec import Array, Field, block_field, external_field, struct_dtype
 from esea_gen.hostlib.compiler import compile_sources, declared
-from esea_gen.hostlib.runner import CBoard, CRunner
 from esea_gen.language.block import Block
-from esea_gen.language.system import System
+from esea_gen.language.system import System, SystemSimulator
 
 
 class HostLibrary:
@@ -131,3 +130,331 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
     digest = format_hash(device, real)
     renderer = Renderer(device.system, FORMATS[real], digest, "-", device.title)
     return HostLibrary(device.system, renderer, flags)
+
+
+class CRunner:
+    """A compiled Block or task: steps and runs like its symbolic counterpart.
+
+    Parameters
+    ----------
+    library : HostLibrary
+        Where it lives.
+    name : str
+    owner : Block or System
+        Whose params, coefficients and state it has: the Block's own, or the System's for a task.
+    inputs, outputs, state : sequence of Field
+        Fields of its structs; the state empty for a task.
+    """
+
+    def __init__(
+        self,
+        library: HostLibrary,
+        name: str,
+        owner: Block | System,
+        inputs: Sequence[Field],
+        outputs: Sequence[Field],
+        state: Sequence[Field],
+    ) -> None:
+        ffi = library.ffi
+        self.library, self.owner, self.stem = library, owner, f"{library.prefix}_{name}"
+        self.inputs, self.outputs, self.state_fields = inputs, outputs, state
+        self.prefix = library.prefix if isinstance(owner, System) else self.stem
+        self._run = getattr(library.lib, f"{self.stem}_run")
+        self._init = library.function(f"{self.prefix}_init")
+        self._in_type = library.dtype(f"{self.stem}_in_t")
+        self._out_type = library.dtype(f"{self.stem}_out_t")
+        self._state_type = library.dtype(f"{self.prefix}_state_t")
+        self._state = np.zeros(1, self._state_type)
+        self._coeffs: tuple[Any, ...] = ()
+        self._params = None
+        if owner.tunables:
+            self._params = ffi.new(f"{self.prefix}_params_t *")
+            self._coeffs = (ffi.new(f"{self.prefix}_coeffs_t *"),)
+        self.prepare({})
+
+    def _cast(self, kind: str, array: Array) -> Any:
+        return self.library.ffi.cast(f"{kind} *", array.ctypes.data)
+
+    def prepare(self, tunables: Mapping[str, Any]) -> int:
+        """Set tunables, the others at their defaults, derive the coefficients, and reset.
+
+        Returns 0, or the number of a refused tunable (tasks only; nothing is then changed).
+
+        Parameters
+        ----------
+        tunables : mapping
+            For a Block ``{tunable: value}``; for a task ``{instance: {tunable: value}}``.
+        """
+        refused = 0
+        if self._params is not None:
+            refused = self._prepare(self._params, tunables)
+        if not refused:
+            self.reset()
+        return refused
+
+    def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
+        library, owner = self.library, self.owner
+        if isinstance(owner, System):
+            return _prepared(library, params, self._coeffs[0], tunables)
+        for key, value in (owner.default_tunables() | dict(tunables)).items():
+            setattr(params, key, library.naming.tunable(owner, key, value))
+        getattr(library.lib, f"{self.prefix}_prepare")(params, *self._coeffs)
+        return 0
+
+    def reset(self) -> None:
+        """Return to the initial state."""
+        self._init(*self._coeffs, self._cast(f"{self.prefix}_state_t", self._state))
+
+    @property
+    def state(self) -> Array:
+        """The state struct, one element of a structured array (a copy)."""
+        return self._state.copy()
+
+    @state.setter
+    def state(self, value: Array) -> None:
+        self._state[:] = value
+
+    @property
+    def coefficient_memory(self) -> Any:
+        """The coefficients' bytes as the C reads them: writing there is a fault of memory."""
+        return self.library.ffi.buffer(self._coeffs[0])
+
+    def put_state(self, values: Mapping[str, Any]) -> None:
+        """Overwrite part of the state.
+
+        Parameters
+        ----------
+        values : mapping of str to array
+            By state port, in units (in q31, whole numbers are raw numbers); counters by their C
+            names.
+        """
+        known = {f.name: f for f in self.state_fields}
+        for name, value in values.items():
+            self._state[name] = known[name].encode(value) if name in known else value
+
+    def pack(self, inputs: Mapping[str, Any]) -> Array:
+        """Arrange a stream as an array of the C's input structs.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            One array per input, shape (steps,) or (steps, size), in units (in q31, whole numbers
+            are raw numbers).
+        """
+        steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
+        packed = np.zeros(steps, self._in_type)
+        for f in self.inputs:
+            packed[f.name] = f.encode(inputs[f.name])
+        return packed
+
+    def run(
+        self, inputs: Mapping[str, Any], trace: bool = True, raw: bool = False
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Run over a stream, going on from the present state.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            As for :meth:`pack`.
+        trace : bool
+            Whether to record the state after every step.
+        raw : bool
+            Give the C's own numbers, which in q31 are no units.
+        """
+        packed = self.pack(inputs)
+        out = np.zeros(len(packed), self._out_type)
+        states = np.zeros(len(packed) if trace else 0, self._state_type)
+        self._run(
+            *self._coeffs,
+            self._cast(f"{self.prefix}_state_t", self._state),
+            self._cast(f"{self.stem}_in_t", packed),
+            self._cast(f"{self.stem}_out_t", out),
+            self._cast(f"{self.prefix}_state_t", states) if trace else self.library.ffi.NULL,
+            len(packed),
+        )
+        known = {f.name: f for f in self.state_fields if not raw}
+        outputs = {f.name: out[f.name] if raw else f.decode(out[f.name]) for f in self.outputs}
+        names = (self._state_type.names or ()) if trace else ()
+        after = {n: known[n].decode(states[n]) if n in known else states[n] for n in names}
+        return outputs, after
+
+    def step(self, **inputs: Any) -> dict[str, Any]:
+        """One step.
+
+        Parameters
+        ----------
+        **inputs : float or ndarray
+            One value per input.
+        """
+        outputs, _ = self.run({k: np.asarray(v)[None] for k, v in inputs.items()}, trace=False)
+        return {k: v[0] for k, v in outputs.items()}
+
+
+def _prepared(
+    library: HostLibrary, params: Any, coeffs: Any, tunables: Mapping[str, Mapping[str, float]]
+) -> int:
+    # Set a System's tunables, the others at their defaults: 0, or the number of one refused.
+    system, prefix = library.system, library.prefix
+    known = {(i, t.name): t for i, t in system.tunables}
+    library.function(f"{prefix}_default_params")(params)
+    for instance, values in tunables.items():
+        for key, value in values.items():
+            taken = known[instance, key].taken(value) if (instance, key) in known else value
+            number = library.naming.tunable(system.blocks[instance], key, taken)
+            setattr(getattr(params, instance), key, number)
+    return int(library.function(f"{prefix}_prepare")(params, coeffs))
+
+
+class CBoard:
+    """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
+
+    It has the face of :class:`esea_gen.language.system.SystemSimulator`.
+
+    Parameters
+    ----------
+    library : HostLibrary
+        Where it lives.
+    tunables : mapping, optional
+        ``{instance: {tunable: value}}`` other than the defaults.
+
+    Raises
+    ------
+    ValueError
+        For a tunable outside its range.
+    """
+
+    def __init__(
+        self, library: HostLibrary, tunables: Mapping[str, Mapping[str, float]] | None = None
+    ) -> None:
+        self.library, self.system = library, library.system
+        system = library.system
+        self._fields = {
+            t.name: (
+                [external_field(library.naming, x) for x in system.task_inputs(t)],
+                [external_field(library.naming, x) for x in system.task_outputs(t)],
+            )
+            for t in system.tasks
+        }
+        self.state = self._new("state")
+        self.coeffs: tuple[Any, ...] = ()
+        if system.tunables:
+            params, coeffs = self._new("params"), self._new("coeffs")
+            refused = _prepared(library, params, coeffs, tunables or {})
+            if refused:
+                instance, tunable = system.tunables[refused - 1]
+                raise ValueError(
+                    f"{instance}.{tunable.name} is outside [{tunable.low}, {tunable.high}]"
+                )
+            self.coeffs = (coeffs,)
+        self.call("init", *self.coeffs, self.state)
+
+    def _new(self, kind: str, values: Mapping[str, Any] | None = None) -> Any:
+        return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
+
+    def call(self, verb: str, *arguments: Any) -> Any:
+        """Call a function of the System: ``release``, ``resume``, ``sense_step``.
+
+        Parameters
+        ----------
+        verb : str
+            Its name, without the prefix.
+        *arguments : cffi structs or numbers
+        """
+        return self.library.function(f"{self.library.prefix}_{verb}")(*arguments)
+
+    def release(self, tick: int) -> None:
+        """Move the latches: at every base tick, before the tasks.
+
+        Parameters
+        ----------
+        tick : int
+        """
+        if self.system.latches:
+            self.call("release", self.state, tick)
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """Bytes of ``coeffs`` and ``state`` as the C has them."""
+        held = {"state": self.state} | ({"coeffs": self.coeffs[0]} if self.coeffs else {})
+        return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
+
+    def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
+        """One run of a task.
+
+        Parameters
+        ----------
+        task_name : str
+        **inputs : float or sequence of float
+            Its external inputs, in units; in q31, NaN and what does not fit is invalid.
+        """
+        out = self.raw_step(task_name, inputs)
+        return {
+            f.name: f.decode(held if f.port.size == 1 else np.array(list(held)))
+            for f in self._fields[task_name][1]
+            for held in [getattr(out, f.name)]
+        }
+
+    def raw_step(self, task_name: str, inputs: Mapping[str, Any]) -> Any:
+        """One run of a task, its outputs as the C's struct.
+
+        Parameters
+        ----------
+        task_name : str
+            Which.
+        inputs : mapping
+            As for :meth:`step`.
+        """
+        taken, _ = self._fields[task_name]
+        given = {f.name: _held(f, inputs[f.name]) for f in taken}
+        out = self._new(f"{task_name}_out")
+        values = self._new(f"{task_name}_in", given)
+        self.call(f"{task_name}_step", *self.coeffs, self.state, values, out)
+        return out
+
+
+def _held(f: Field, value: Any) -> Any:
+    # What the C holds for a number or several, in units whatever their type.
+    if np.ndim(value) == 0:
+        return float(value) if f.fraction is None else f.encode(float(value))
+    return f.encode(np.asarray(value, np.float64)).tolist()
+
+
+def run_schedule(
+    board: CBoard | SystemSimulator, inputs: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Array]]:
+    """Run every task of a System at its own ticks: per task, an array per external output.
+
+    Parameters
+    ----------
+    board : CBoard or SystemSimulator
+        The C, or the symbols.
+    inputs : mapping of str to mapping
+        Per task, one array per external input with one element a run; for a task without inputs
+        ``{"": zeros}`` of as many elements as it has runs.
+    """
+    system = board.system
+    runs = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}
+    ticks = max(
+        system.task(t).phase + (n - 1) * system.task(t).every + 1 for t, n in runs.items() if n
+    )
+    found: dict[str, dict[str, list[Any]]] = {
+        t: {x.name: [] for x in system.task_outputs(system.task(t))} for t in inputs
+    }
+    for tick in range(ticks):
+        board.release(tick)
+        for task in system.tasks:
+            k, late = divmod(tick - task.phase, task.every)
+            if task.name not in inputs or late or not 0 <= k < runs[task.name]:
+                continue
+            given = {n: a[k] for n, a in inputs[task.name].items() if n}
+            for name, value in board.step(task.name, **given).items():
+                found[task.name][name].append(value)
+    single = isinstance(board, CBoard) and board.library.real == "f32"
+    kinds = {
+        x.name: np.uint32 if x.port.flags else np.float32 if single else np.float64
+        for x in system.outputs
+    }
+    return {
+        t: {n: np.asarray(v, dtype=kinds[n]) for n, v in outputs.items()}
+        for t, outputs in found.items()
+    }

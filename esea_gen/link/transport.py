@@ -10,6 +10,7 @@ import tempfile
 import termios
 import time
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -25,17 +26,18 @@ class LinkError(RuntimeError):
         self.what, self.fix, self.said = what, fix, said
 
 
-class Transport:
+class Transport(ABC):
     """Carries bytes both ways; every method raises :class:`LinkError` when the link is broken."""
 
+    @abstractmethod
     def read(self, timeout_s: float) -> bytes:
         """What has come, at least a byte; nothing when nothing comes in time."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write(self, data: bytes, timeout_s: float) -> None:
         """Send all of it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def close(self) -> None:
         """Let go of the other end; more than once does no harm."""
 

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from esea_gen.device import Device, load_device
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system

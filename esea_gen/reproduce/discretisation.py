@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device, load_device, with_numbers
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task

@@ -6,18 +6,16 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from esea_gen.analysis.monte_carlo import MonteCarlo
-from esea_gen.twin.case import Setting
+from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES
 from esea_gen.twin.off import off_families
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from esea_gen.studies.simulation import ClosedLoopStudy
 
 ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
 
@@ -31,11 +29,25 @@ def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
+class Told(Protocol):
+    """What an outcome takes from its study."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    person: ClassVar[bool]
+    thesis_Nm: ClassVar[Mapping[str, float]]
+
+    def case(self, name: str) -> Case: ...
+    def table(self, done: Simulation) -> list[str]: ...
+    def to_dict(self, done: Simulation) -> dict[str, Any]: ...
+    def figure(self, done: Simulation) -> Figure: ...
+
+
 @dataclass(frozen=True)
 class Simulation:
     """A study's outcome."""
 
-    study: ClosedLoopStudy
+    study: Told
     setting: Setting
     seeds: tuple[int, ...]
     monte_carlo: MonteCarlo

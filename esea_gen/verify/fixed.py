@@ -29,7 +29,7 @@ from esea_gen.emit.step_errors import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond

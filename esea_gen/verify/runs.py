@@ -12,7 +12,7 @@ import numpy as np
 from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.files import template_folder
 from esea_gen.hostlib.compiler import compile_sources
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.program import Program

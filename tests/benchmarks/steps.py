@@ -13,7 +13,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.runner import run_schedule
+from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single

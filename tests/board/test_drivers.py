@@ -1,6 +1,6 @@
 """Drivers of the boards against models of their chips: what breaks, and how soon it is found.
 
-A frame of an encoder is held against the chip model, a current against arithmetic written here.
+Encoder frames are compared with the chip model, currents with arithmetic written here.
 """
 
 from __future__ import annotations

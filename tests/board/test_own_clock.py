@@ -16,7 +16,7 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.runner import CBoard, run_schedule
+from esea_gen.hostlib.library import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
 from tests.proof.preempt import (

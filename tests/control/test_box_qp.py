@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from esea_gen.control.predictive.box_qp import iteration_cap
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, HostLibrary
 from tests.box_qp_program import FLAGS, box_qp
 from tests.conftest import require_tool
 from tests.rendered_program import render_program

@@ -11,7 +11,7 @@ from esea_gen.control.limits.block import command_stamp, limits
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner
 from esea_gen.language.stream import SPECIAL, single
 from tests.limits_model import (
     AT,

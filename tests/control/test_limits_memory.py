@@ -11,8 +11,7 @@ import pytest
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.hostlib.codec import block_field
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.stream import single
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool

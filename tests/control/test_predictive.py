@@ -17,8 +17,7 @@ from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import FLAGS, predictive_program
 from esea_gen.control.predictive.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
-from esea_gen.hostlib.library import HostLibrary
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, HostLibrary
 from esea_gen.language.ports import Port, Tunable
 from tests.conftest import require_tool
 from tests.rendered_program import render_program

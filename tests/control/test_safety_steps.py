@@ -36,7 +36,7 @@ def test_a_step_of_the_switch_between_laws(drive):
     np.testing.assert_allclose(run.c.keep, keep)
     unknown = ~np.isin(u.law, (0, 1, 2))
     held = where(unknown, s.law_held, u.law)
-    # A place that is none, from a memory that is whole, is the first.
+    # An index outside the table, in a memory that is otherwise intact, counts as the first.
     at = np.select([held == 1, held == 2], [1, 2], 0)
     command = np.choose(at, [u.u_one_Nm, u.u_other_Nm, u.u_third_Nm])
     sound = np.choose(at, [np.ones(COUNT), u.ok_other, u.ok_third])

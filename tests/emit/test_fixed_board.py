@@ -40,7 +40,7 @@ def test_bit_for_bit_the_host_and_cheaper_than_soft_float(elbow, inputs, board):
 
 def test_a_difference_is_found(elbow, inputs, monkeypatch):
     """The comparison can fail: one input of the host's run is another."""
-    from esea_gen.hostlib.runner import CRunner
+    from esea_gen.hostlib.library import CRunner
 
     honest = CRunner.run
 

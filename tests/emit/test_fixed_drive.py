@@ -22,7 +22,7 @@ from esea_gen.emit.fixed.report import range_report
 from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib import compile_device
-from esea_gen.hostlib.runner import CBoard, run_schedule
+from esea_gen.hostlib.library import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip

@@ -130,7 +130,7 @@ def test_the_bound_holds_for_any_expression(tree, centre, width):
         if not np.array_equal(point, np.float32(point)):
             continue
         true = float(exact(point.astype(float)))
-        # 1e-12: what it is held against is float64 itself.
+        # 1e-12: the reference is itself computed in float64.
         slack = 1e-12 * (1 + abs(true))
         assert abs(single(kernel, point) - true) <= bound.error[0] + slack
         assert bound.low[0] - slack <= true <= bound.high[0] + slack

@@ -16,7 +16,7 @@ import esea_gen
 from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.export.library import FORMS, library_files, write_library
-from esea_gen.hostlib.runner import run_schedule
+from esea_gen.hostlib.library import run_schedule
 from tests.conftest import ROOT, require_tool
 
 M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 import esea_gen
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts

@@ -10,8 +10,7 @@ from scipy.optimize import brentq
 
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
 from esea_gen.language.stream import SPECIAL, Stream, single

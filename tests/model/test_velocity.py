@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner
 from esea_gen.language.stream import single
 
 H = 1e-3

@@ -9,8 +9,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from esea_gen.device import load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_device
-from esea_gen.hostlib.runner import CBoard, run_schedule
+from esea_gen.hostlib.library import CBoard, compile_device, run_schedule
 from esea_gen.twin.trajectories import reaches
 from esea_gen.verify.chain import ChainError, ChainReport, search_chain
 

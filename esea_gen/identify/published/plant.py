@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device
-from esea_gen.hostlib.library import HostLibrary, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
 from esea_gen.identify.published.parameters import with_values
 from esea_gen.identify.recording.reading import beyond_rad, resample
 from esea_gen.identify.recording.recorded import Recording

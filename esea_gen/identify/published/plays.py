@@ -19,8 +19,7 @@ import scipy  # its parts are read on first use
 
 from esea_gen.device import Device
 from esea_gen.devices.fields import field_facts
-from esea_gen.hostlib.library import compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.identify.published.parameters import with_values
 from esea_gen.identify.published.plant import equal_weights, thinned
 from esea_gen.identify.published.uncertainty import relative_jacobian

@@ -12,8 +12,7 @@ import numpy as np
 import scipy  # its parts are read on first use
 
 from esea_gen.device import Device, with_numbers
-from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.hostlib.runner import CRunner
+from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.identify.published.plant import tunable_system
 from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.library import HostLibrary
-from esea_gen.hostlib.runner import CBoard, CRunner
+from esea_gen.hostlib.library import CBoard, CRunner, HostLibrary
 from esea_gen.language.stream import single
 from esea_gen.language.system import System
 from esea_gen.verify.streams import working_inputs

@@ -7,6 +7,7 @@ off goes on where it was, and a log replays to the same movements.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -260,11 +261,11 @@ def _probe_scene(state: KneeState, inside_s: float, inputs: Inputs) -> Scene:
 class _FirstDayTask(_KneeTask):
     # The leg is watched for so many seconds; then one figure comes of all samples.
 
-    def scene(self, given: Any, time_s: float, angle_rad: float) -> Scene:
-        raise NotImplementedError
+    @abstractmethod
+    def scene(self, given: Any, time_s: float, angle_rad: float) -> Scene: ...
 
-    def measured(self, state: KneeState) -> Any:
-        raise NotImplementedError
+    @abstractmethod
+    def measured(self, state: KneeState) -> Any: ...
 
     def longest_s(self, parameters: Any) -> float:
         return float(parameters.seconds) + 1

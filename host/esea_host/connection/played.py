@@ -34,6 +34,9 @@ class NobodyListens(Transport):
     def write(self, data: bytes, timeout_s: float) -> None:
         raise LinkError("This is a recording: there is no board to command")
 
+    def close(self) -> None:
+        """Nothing to let go of."""
+
 
 class PlayedBoard(ConnectedDevice):
     """A recording that is listened to as a board is; whoever has subscribed gets its rows."""

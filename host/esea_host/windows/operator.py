@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -19,7 +20,7 @@ AGAIN_S = 0.5
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6
 
 
-class BoardOperator:
+class BoardOperator(ABC):
     """Asks while the motors are on; zeroes and arms simulated boards until a stop or fault."""
 
     TURN_S: ClassVar[float] = 0.05
@@ -36,9 +37,9 @@ class BoardOperator:
             self._thread = threading.Thread(target=self._run, name="esea-operator", daemon=True)
             self._thread.start()
 
+    @abstractmethod
     def asked(self, now_s: float) -> Mapping[str, float]:
         """What is wanted at a time, beside the torque mode."""
-        raise NotImplementedError
 
     def turn(self, now_s: float) -> None:
         """One request; ``now_s`` rises from turn to turn."""
