@@ -5,9 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+from hypothesis import strategies as st
 
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
+from esea_gen.language.stream import SPECIAL
 
 COUNT = 1500
 
@@ -126,3 +128,16 @@ class Steps:
 def word(*flags: np.ndarray) -> np.ndarray:
     """A status word, the first flag in the lowest bit."""
     return sum(np.where(f, 1 << i, 0) for i, f in enumerate(flags))
+
+
+def stays_in_range(block, runner, draw) -> None:
+    """Whatever the inputs and the state: every output is a number in its range."""
+    value = st.one_of(st.sampled_from(SPECIAL), st.floats(-50, 50, width=32))
+    inputs = {p.name: draw(st.lists(value, min_size=6, max_size=6)) for p in block.inputs}
+    state = runner.state
+    for p in block.state:
+        state[p.name] = draw(value)
+    runner.state = state
+    y, _ = runner.run({k: np.array(v) for k, v in inputs.items()})
+    for p in block.outputs:
+        assert np.all((y[p.name] >= p.low) & (y[p.name] <= p.high)), p.name

@@ -13,27 +13,11 @@ from esea_gen.board.chips import (
     WIRE_FAULTS,
     As5048a,
     BissEncoder,
-    Drivers,
-    Workbench,
 )
 from esea_gen.model.encoder import FrameError
-from tests.conftest import require_tool
 
 LINE = 3
 F = FrameError
-
-
-@pytest.fixture(scope="module")
-def built():
-    require_tool("gcc")
-    return Drivers(Workbench())
-
-
-@pytest.fixture
-def drivers(built):
-    """On an empty bench."""
-    built.bench.__init__()
-    return built
 
 
 class Magnetic:

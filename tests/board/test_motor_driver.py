@@ -4,25 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from esea_gen.board.chips import Amplifier, Drivers, Workbench
-from tests.conftest import require_tool
+from esea_gen.board.chips import Amplifier
 
 PWM, ENABLE, ADC = 7, 8, 9
 NM_A, FULL_A, A_COUNT = 0.05, 5.0, 0.005
 BOUND_NM, FOLLOW, TICKS = 0.04, 0.025, 20
-
-
-@pytest.fixture(scope="module")
-def built():
-    require_tool("gcc")
-    return Drivers(Workbench())
-
-
-@pytest.fixture
-def drivers(built):
-    """On an empty bench."""
-    built.bench.__init__()
-    return built
 
 
 class Motor:

@@ -20,12 +20,9 @@ from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.program import Program
 from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
-from esea_gen.studies.registry import load_study
-from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.studies.step import StepStudy
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.judge import judge
 from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case
 from esea_gen.twin.trajectories import Trajectory
 from esea_gen.verify.equivalence import verify
@@ -34,6 +31,7 @@ from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import run_c, run_executor
 from esea_gen.verify.verdict import Verification
 from tests.conftest import require_tool
+from tests.control.test_predictive_loop import rms
 from tests.proof.sanitize import (
     UNDEFINED,
     GivenRenderer,
@@ -218,14 +216,6 @@ def test_a_stiffness_asks_for_no_more_than_the_torque_range():
     require_tool("gcc")
     reach = controller_device("mpc").tau_full_scale_Nm
     assert held_torque("mpc", 3.0, 1.9) == pytest.approx(reach, rel=0.05)
-
-
-def rms(experiment: str, controller: str, case: int = 0, seed: int = 1) -> float:
-    found = load_study(experiment, ClosedLoopStudy).cases()[case]
-    figures = judge(found, run_case(found, Setting(controller, "real", "uncertain"), seed), 0.221)
-    assert not figures["unstable"]
-    assert not figures["fault"]
-    return figures["rms_true_Nm"]
 
 
 def test_one_layer_is_better_than_two(tmp_path):

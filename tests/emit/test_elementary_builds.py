@@ -9,19 +9,7 @@ from pathlib import Path
 import pytest
 
 from esea_gen.emit.elementary import ACCURACY_ULP
-from tests.emit.test_elementary import BINARY, HEADER, SOURCE, SPECIAL_BITS, run, tool
-
-WARNINGS = [
-    "-Wall",
-    "-Wextra",
-    "-Wconversion",
-    "-Wsign-conversion",
-    "-Wshadow",
-    "-Wpedantic",
-    "-Wdouble-promotion",
-    "-Wfloat-equal",
-    "-Werror",
-]
+from tests.emit.test_elementary import BINARY, HEADER, SOURCE, SPECIAL_BITS, WARNINGS, run, tool
 
 CHECKSUM = """
 #include "esea_f32.h"

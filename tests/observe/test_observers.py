@@ -16,7 +16,7 @@ import esea_gen
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.stream import SPECIAL, single
+from esea_gen.language.stream import single
 from esea_gen.language.system import System, Task
 from esea_gen.observe.disturbance import bandwidth_limit_1_s, drive_observer
 from esea_gen.observe.human import error_matrix, extended_state, lag_observer
@@ -27,6 +27,7 @@ from esea_gen.observe.rates import (
     motor_rate,
 )
 from tests.conftest import require_tool
+from tests.single_steps import stays_in_range
 
 H = 1e-3
 N, J, FV, FC, WIDTH, TAU_C, JH = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22
@@ -390,12 +391,4 @@ NAMES = ("motor_rate", "load_rate", "drive_observer", "human_lag", "human_eso")
 def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
     block = libraries["f32"].system.blocks[name]
     runner = libraries["f32"].block(name)
-    value = st.one_of(st.sampled_from(SPECIAL), st.floats(-50, 50, width=32))
-    inputs = {p.name: data.draw(st.lists(value, min_size=6, max_size=6)) for p in block.inputs}
-    state = runner.state
-    for p in block.state:
-        state[p.name] = data.draw(value)
-    runner.state = state
-    y, _ = runner.run({k: np.array(v) for k, v in inputs.items()})
-    for p in block.outputs:
-        assert np.all((y[p.name] >= p.low) & (y[p.name] <= p.high)), p.name
+    stays_in_range(block, runner, data.draw)
