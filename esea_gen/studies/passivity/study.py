@@ -330,7 +330,7 @@ def study_interaction(
     done = run_cases(
         run_push, cases, configuration=configuration, workers=workers, progress=progress
     )
-    runs = {_key(r): _styled(r) for r in done.results}
+    runs = {_key(r): _finished(r) for r in done.results}
     region = push_map(kp, kd, hands, runs, push_rad_s)
     marked = tuple((p, d, push_map([p], [d], hands, runs, push_rad_s).mark(0, 0)) for p, d in marks)
     asked = controller, plant, push_rad_s, seed, wall_Nm_rad
@@ -342,7 +342,7 @@ def _key(result: Result) -> tuple[float, float, str]:
     return float(case["kp_Nm_rad"]), float(case["kd_Nms_rad"]), str(case["hand"]["name"])
 
 
-def _styled(result: Result) -> PushRun:
+def _finished(result: Result) -> PushRun:
     # A run that failed otherwise than by running away says nothing about its gains.
     if result.values is None:
         raise RuntimeError(f"a run of the map failed: {result.failure}")
