@@ -39,6 +39,7 @@ from esea_host.interaction.design import element_of
 from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
+from esea_host.study.folder import gone_from
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -175,10 +176,12 @@ def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
 def read_recordings(folder: Path) -> Recordings:
     """Manifest and all recordings; of each the analysed part with room for the filter."""
     manifest = read_manifest(folder)
-    tasks, left_out = [], []
-    tables: list[FileTable] = []
-    for task in sorted({e.task for e in manifest.recording}):
-        entries = [e for e in manifest.recording if e.task == task]
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
+    named = {e.participant for e in manifest.recording}
+    left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
+    there = [e for e in manifest.recording if e.participant not in gone]
+    for task in sorted({e.task for e in there}):
+        entries = [e for e in there if e.task == task]
         people = sorted({e.participant for e in entries})
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]

@@ -124,7 +124,7 @@ def write_manifest(folder: Path, last_s: float) -> None:
     lines = []
     simulated = False
     for code, index in study.participants().items():
-        for row in study.rows(code):
+        for row in study.rows(code, strict=False):
             block = row["session"] + 1
             file = f"{code}/session-{block}/{recording_name(row['trial'])}"
             if row["familiarisation"] or not (folder / file).exists():

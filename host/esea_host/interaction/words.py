@@ -14,7 +14,7 @@ def lines(found: InteractionAnalysis) -> list[str]:
     ]
     out += found.read
     if found.left_out:
-        out.append(f"left out, one element missing: {', '.join(found.left_out)}")
+        out.append(f"left out, one element missing or withdrawn: {', '.join(found.left_out)}")
     for c in found.comparisons:
         out += ["", *comparison_lines(c, found.simulated)]
     for extra in (found.survey, found.comments):
