@@ -87,6 +87,7 @@ class _Asked:
     early: str
     mass: float | None
     lever: float | None
+    opening: str
 
 
 @study_app.command(
@@ -126,6 +127,14 @@ def run(
     lever: Annotated[
         float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
     ] = None,
+    opening: Annotated[
+        str,
+        typer.Option(
+            "--open",
+            metavar="CODE",
+            help="First session: opening code of the participant's place, or the sealed list.",
+        ),
+    ] = "",
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
@@ -141,7 +150,7 @@ def run(
     if not begun or _remains(path):
         asked = _Asked(
             device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever,
+            mass, lever, opening,
         )  # fmt: skip
         _run(study, code, session, asked)
 
@@ -176,6 +185,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     try:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if told := study.disclose(code, asked.opening):
+                out.print(told)
             if asked.headless:
                 state, reason = _headless(study, code, number - 1, source, asked.early)
             else:

@@ -113,12 +113,14 @@ def enrol(
     consent: Annotated[
         bool, typer.Option("--consent", help="The participant's written consent is there.")
     ] = False,
+    stratum: Annotated[
+        list[str] | None,
+        typer.Option("--stratum", metavar="FACTOR=LEVEL", help="Of the allocation; one each."),
+    ] = None,
 ) -> None:
-    """Take a participant in, by code."""
-    study = opened(folder, runs=False)
-    study.enrol(code, consent)
-    group = study.group_shown(code, "operator")
-    out.print(f"{code} enrolled; group: {group or 'none'}")
+    """Take a participant in, by code; a group is disclosed at the first session."""
+    opened(folder, runs=False).enrol(code, consent, stratum or ())
+    out.print(f"{code} enrolled")
 
 
 ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]

@@ -1,4 +1,4 @@
-"""The folder of a study: participants by code, consent, groups, audit, deletion, export.
+"""The folder of a study: participants by code, consent, groups, audit, deletion.
 
 ``protocol.toml`` is the protocol as it was at the start, with the ``tasks`` it names,
 ``audit.jsonl`` the chained record of all that was done, ``<code>/session-<n>/events.jsonl`` each
@@ -7,21 +7,20 @@ session.  No name of a person is anywhere.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import json
 import re
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.files import new_whole
 from esea_gen.toml_file import read_text
+from esea_host.study.allocation import Allocations, stratum_named
 from esea_host.study.log import EventLog, LoggedEvent, read_log
-from esea_host.study.plan import build_plan, generator, group_of
+from esea_host.study.plan import build_plan
+from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import StudySession, read_session, state_of
 from esea_host.study.source import InputSource
@@ -33,8 +32,8 @@ EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml",
 
 # What the record of a study must hold, by kind, where it is read again.
 _HELD: Mapping[str, Mapping[str, type]] = {
-    "enrolled": {"participant": str},
-    "deleted": {"participant": str},
+    "enrol": {"participant": str},
+    "delete": {"participant": str},
     "session_start": {"participant": str, "session": int, "day": int},
     "session_end": {"participant": str, "session": int, "head": str},
 }
@@ -69,7 +68,9 @@ class StudyFolder:
             (path / TASKS / code.path.name).write_bytes(code.content)
         study = cls(path, protocol, durable)
         content = study.content()
-        study.audit("created", protocol=protocol.file.name, simulated=simulated, content=content)
+        known = {} if simulated else {"key": fingerprint(study_key(path)), "allocation": "list"}
+        known |= {"protocol": protocol.file.name, "simulated": simulated, "content": content}
+        study.audit("created", **known)
         return study
 
     @classmethod
@@ -128,7 +129,7 @@ class StudyFolder:
             for k, d in self.audited_anyway()
             if k == "session_end"
         }
-        gone = {d["participant"] for k, d in self.audited_anyway() if k == "deleted"}
+        gone = {d["participant"] for k, d in self.audited_anyway() if k == "delete"}
         for code, session, path in self.sessions():
             log = read_log(path)
             faults = list(log.breaks)
@@ -155,10 +156,48 @@ class StudyFolder:
 
     def participants(self) -> dict[str, int]:
         """Codes in order of coming, those deleted since too: their places are not given again."""
-        codes = [d["participant"] for k, d in self.audited() if k == "enrolled"]
+        codes = [d["participant"] for k, d in self.audited() if k == "enrol"]
         return {code: k for k, code in enumerate(codes)}
 
-    def enrol(self, code: str, consent: bool) -> None:
+    by = ""  # SHIM
+
+    def trail(self, strict: bool = True) -> list[LoggedEvent]:
+        return list(read_log(self.path / AUDIT).entries)
+
+    def record(self, kind: str, **data: Any) -> None:
+        self.audit(kind, **data)
+
+    @property
+    def key(self) -> bytes:
+        """The secret key of codes, orders and sealed values."""
+        key = study_key(self.path)
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        if created.get("key", fingerprint(key)) != fingerprint(key):
+            raise UserError(
+                f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
+            )
+        return key
+
+    @property
+    def allocations(self) -> Allocations:
+        return Allocations(self.path, self.protocol, self.trail(), self.key)
+
+    def disclose(self, code: str, opening: str = "") -> str:
+        """Disclose the group for the first session; what may be told of it to the operator."""
+        found = self.allocations
+        if found.group(code) is not None:
+            return ""
+        told = found.disclose(code, opening, self.by, self.blinded("operator"))
+        self.record("disclose", **told)
+        group = self.group_shown(code, "operator")
+        return f"{code}: place {told['place']} of the list, group {group}"
+
+    def blinded(self, role: str) -> bool:
+        """Whether a role is blinded by the protocol, and has not been unblinded."""
+        unblinded = {d["role"] for k, d in self.audited() if k == "unblind"}
+        return role in self.protocol.file.blinded and role not in unblinded
+
+    def enrol(self, code: str, consent: bool, strata: Sequence[str] = ()) -> None:
         if not CODE.match(code):
             raise UserError(
                 f"{code!r} is no participant code.",
@@ -171,7 +210,8 @@ class StudyFolder:
             )
         if code in self.participants():
             raise UserError(f"{code} is taken.", "Give the next code.")
-        self.audit("enrolled", participant=code, consent=True)
+        stratum = stratum_named(self.protocol.file, strata)
+        self.audit("enrol", participant=code, consent=True, stratum=stratum)
 
     def log_of(self, code: str, session: int) -> Path:
         return self.path / code / f"session-{session + 1}" / EVENTS
@@ -207,7 +247,7 @@ class StudyFolder:
     ) -> StudySession:
         index = self.participants().get(code)
         if index is None or any(
-            k == "deleted" and d["participant"] == code for k, d in self.audited()
+            k == "delete" and d["participant"] == code for k, d in self.audited()
         ):
             raise UserError(f"{code} is not in this study.", "Enrol the participant first.")
         for earlier in range(number):
@@ -217,7 +257,13 @@ class StudyFolder:
                     f"{code} has not done session {earlier + 1}.", "Sessions come in their order."
                 )
         self._washout(code, number, day, early)
-        plan = build_plan(self.protocol, index, number)
+        allocations = self.allocations
+        group = allocations.group(code)
+        if group is None:
+            raise UserError(f"{code} has no group yet.", "Begin with the first session.")
+        if allocations.needs_list:  # else the exported orders would tell who came when
+            index = int.from_bytes(keyed(self.key, "order", code))
+        plan = build_plan(self.protocol, index, number, group)
         log, rows = self.log_of(code, number), self.rows(code, number)
         stopping = self.protocol.file.stopping
         return StudySession(log, plan, code, source, rows, self.durable, stopping)
@@ -240,9 +286,10 @@ class StudyFolder:
 
     def group_shown(self, code: str, to: str) -> str:
         """The group as it may be shown to ``operator`` or ``participant``."""
-        if to in self.protocol.file.blinded:
+        if self.blinded(to):
             return "blinded"
-        return group_of(self.protocol, self.participants()[code])
+        group = self.allocations.group(code)
+        return "not disclosed yet" if group is None else group
 
     def delete(self, code: str, reason: str) -> int:
         """Delete a participant's data on demand; that it was done stays on record."""
@@ -250,33 +297,5 @@ class StudyFolder:
             raise UserError(f"{code} is not in this study.", "Name a participant of it.")
         files = [p for p in (self.path / code).rglob("*") if p.is_file()]
         shutil.rmtree(self.path / code, ignore_errors=True)
-        self.audit("deleted", participant=code, files=len(files), reason=reason)
+        self.audit("delete", participant=code, files=len(files), reason=reason)
         return len(files)
-
-    # -- export -------------------------------------------------------------------------------
-
-    def new_codes(self, seed: int) -> dict[str, str]:
-        codes = sorted({c for c, _, _ in self.sessions()})
-        order = generator(seed, 3).permutation(len(codes))
-        return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
-
-    def scrubbed(self, seed: int) -> list[dict[str, Any]]:
-        named = self.new_codes(seed).items()
-        return [
-            {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)
-        ]
-
-    def export(self, out: Path, seed: int = 0) -> int:
-        """Write data for others: new codes in random order, no notes, no audit, no group order."""
-        rows = self.scrubbed(seed)
-        names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with new_whole(out) as scratch:
-            scratch.mkdir()
-            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
-                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, names, extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(rows)
-            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
-        return len(rows)
