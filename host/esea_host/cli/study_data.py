@@ -15,6 +15,7 @@ from esea_host.cli.app import out, say_left_out
 from esea_host.cli.study import (
     CodeArgument,
     FolderArgument,
+    OperatorOption,
     ReasonOption,
     TrustOption,
     opened,
@@ -47,13 +48,12 @@ def allocate(
         int, typer.Option("--places", min=1, max=10000, help="In each stratum.")
     ] = 200,
     reason: ReasonOption = "",
+    operator: OperatorOption = "",
 ) -> None:
     """Draw the sealed list of groups, as a third person: permuted blocks of random size."""
-    study = opened(folder, runs=False)
-    made = study.allocations.make(study.by, keep, places, reason)
-    study.record("allocate", **made)
-    strata = f" in each of {len(made['strata'])} strata" if len(made["strata"]) > 1 else ""
-    out.print(f"{folder}: {places} places{strata}; the study has their seals, not the groups")
+    strata = opened(folder, runs=False, operator=operator).allocate(keep, places, reason)
+    each = f" in each of {len(strata)} strata" if len(strata) > 1 else ""
+    out.print(f"{folder}: {places} places{each}; the study has their seals, not the groups")
     out.print(
         f"{keep}: the groups and the code that opens each place. Take it away from this computer; "
         "at a participant's first session tell the code of the next place, and no other."
@@ -65,9 +65,10 @@ def unblind(
     folder: FolderArgument,
     role: Annotated[BlindedRole, typer.Argument(help="Who may see groups from now on.")],
     reason: ReasonOption = "",
+    operator: OperatorOption = "",
 ) -> None:
     """End the blinding of a role: person, time and reason stay on record."""
-    study = opened(folder, runs=False)
+    study = opened(folder, runs=False, operator=operator)
     if not reason:
         raise UserError("Nobody is unblinded without a reason.", "Give --reason, without names.")
     if not study.blinded(role.value):
@@ -81,11 +82,14 @@ def delete(
     folder: FolderArgument,
     code: CodeArgument,
     reason: ReasonOption = "",
+    operator: OperatorOption = "",
 ) -> None:
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(f"{code}: {opened(folder, runs=False).delete(code, reason)} files deleted")
+    out.print(
+        f"{code}: {opened(folder, runs=False, operator=operator).delete(code, reason)} files deleted"
+    )
 
 
 @study_app.command("export")
@@ -103,11 +107,12 @@ def export(
         typer.Option("--labels", help="Blinded study: conditions by neutral names, not left out."),
     ] = False,
     trust: TrustOption = None,
+    operator: OperatorOption = "",
 ) -> None:
     """Write data for others: secret codes, no notes, no dates, no groups while blinded."""
     from esea_host.study.exchange import omissions
 
-    study = opened(folder, trust, runs=as_ is ExportForm.bids)
+    study = opened(folder, trust, runs=as_ is ExportForm.bids, operator=operator)
     if (to is None) is not check:
         raise UserError("Either a new folder is written, or --check lists.", "Give one of them.")
     say_left_out(omissions(study))
