@@ -20,8 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
-from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
-from esea_gen.analysis.impedance import OutputImpedance
+from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse, OutputImpedance
 from esea_gen.analysis.monte_carlo import Percentiles
 from esea_gen.analysis.response import Array
 from esea_gen.errors import UserError

@@ -23,7 +23,7 @@ GROUPS = {
         "export": "exporting",
         "report": "pages",
     },
-    "Boards": {"firmware": "boards", "emulate": "boards", "faults": "faults"},
+    "Boards": {"firmware": "boards", "emulate": "boards", "faults": "evidence"},
     "Evidence that the C is the model": {
         "verify": "evidence",
         "coverage": "evidence",

@@ -22,8 +22,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify.identification import Identification
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import free_keys, relative_jacobian
+from esea_gen.identify.published.plant import FittedPlant, free_keys, relative_jacobian
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array

@@ -12,9 +12,8 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
 from esea_gen.report import drive, sensing
-from esea_gen.report.board import Say, run_board
 from esea_gen.report.common import REAL_NAMES
-from esea_gen.report.findings import Findings
+from esea_gen.report.findings import Findings, Say, run_board
 from esea_gen.report.page import finite, render
 from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.verify.equivalence import verify

@@ -11,9 +11,8 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
 from esea_gen.plotting import svg
 from esea_gen.report import common
-from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
-from esea_gen.report.findings import Findings
+from esea_gen.report.findings import Findings, Say
 from esea_gen.report.page import PageSection
 from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.twin.case import Setting

@@ -24,8 +24,7 @@ from esea_gen.identify.family.compare import THESIS, CompareRow
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
-from esea_gen.identify.verdict import Verdict
-from esea_gen.identify.worth import TorqueWorth
+from esea_gen.identify.verdict import TorqueWorth, Verdict
 from esea_gen.report.page import finite
 from esea_gen.toml_file import checked
 

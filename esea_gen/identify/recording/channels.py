@@ -21,6 +21,7 @@ import numpy as np
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
+from esea_gen.identify.recording.conditions import least
 from esea_gen.identify.recording.mapping import FITTABLE, MappingFile
 from esea_gen.identify.recording.reading import (
     MIN_SAMPLES,
@@ -37,7 +38,6 @@ from esea_gen.identify.recording.resampling import (
     whole_conditions,
 )
 from esea_gen.identify.recording.tables import ToFit
-from esea_gen.identify.recording.temperatures import least
 from esea_gen.language.ports import Array
 
 LAG, BACKLASH, DEAD_ZONE = FITTABLE

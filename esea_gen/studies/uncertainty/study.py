@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
+from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
 from esea_gen.studies.uncertainty.motions import (
