@@ -48,8 +48,6 @@ class Margins:
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Ratio of output to input over frequency."""
-
     frequency_Hz: Array
     response: Complex
     coherence: Array | None

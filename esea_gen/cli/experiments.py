@@ -41,7 +41,6 @@ class SimulateCommand(TyperCommand):
     """Lists the closed-loop studies below its options."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Name and title of each."""
         known = written_studies()
         with formatter.section("Studies"):
             formatter.write_dl([(k, known[k].title) for k in closed_loop_studies()])
@@ -52,7 +51,6 @@ class Reproductions(TyperGroup):
 
     @property
     def commands(self) -> MutableMapping[str, Any]:
-        """By name."""
         return _reproductions()
 
     @commands.setter

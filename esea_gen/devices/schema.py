@@ -16,7 +16,6 @@ LEFT_OUT = ("title", "default")  # of what pydantic says of a key
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema of the device file, for editors."""
     content = _schema_of(DeviceFile)
     content["properties"] = {
         "extends": {

@@ -94,8 +94,6 @@ MARK = "# Written by esea-gen identify."
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Result of an identification, whatever the model."""
-
     device: Device  # identified device, its parameters of status identified
     source: MappingFile
     recordings: tuple[Recording, ...]
@@ -107,7 +105,6 @@ class Identified:
 
     @property
     def full_scale_Nm(self) -> float:
-        """Torque that counts as 100 %."""
         return self.device.tau_full_scale_Nm
 
     @property
@@ -130,7 +127,6 @@ class Identified:
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input."""
         q = dict(self.device.quantities())
         channels = {"channels": [n.to_dict() for n in self.channels]} if self.channels else {}
         return channels | {
@@ -148,7 +144,6 @@ class Identified:
         }
 
     def errors(self, verdict: Verdict) -> dict[str, Any]:
-        """Errors of a verdict, JSON-ready."""
         sets = [
             {
                 "label": s.label,

@@ -58,13 +58,11 @@ PROFILE = 11
 
 
 def play_bounds(key: str) -> tuple[float, float]:
-    """Bounds of a play operator's parameter, those of the device file."""
     facts = field_facts(f"inverse.{key}")
     return float(facts["low"]), float(facts["high"])
 
 
 def play_at_bound(key: str, value: float) -> str | None:
-    """Whether a parameter sits at a bound."""
     low, high = play_bounds(key)
     margin = 1e-4 * (high - low) if key != "chi_rad" else 1e-9
     if value <= low + margin:
@@ -73,8 +71,6 @@ def play_at_bound(key: str, value: float) -> str | None:
 
 
 class PlayPlant:
-    """The compiled play operators over all recordings."""
-
     def __init__(
         self, device: Device, recordings: Sequence[Recording], rows: int | None = None
     ) -> None:
@@ -96,7 +92,6 @@ class PlayPlant:
         self.measured = np.concatenate(measured)
 
     def set_point(self, kappa: float, phi: float, chi: float) -> Array:
-        """Set-point at the training rows."""
         self.evaluations += 1
         out = []
         for torque, at in zip(self._torque, self._at, strict=True):
@@ -210,8 +205,6 @@ def judge_inverse(device: Device, recordings: Sequence[Recording]) -> Misfits:
 
 @dataclass(frozen=True)
 class InverseFit:
-    """A refitted inverse."""
-
     device: Device  # the device with [inverse] of kind published and the parameters found
     values: dict[str, float]  # kappa_rad, phi_1_rad, chi_rad
     sigma: dict[str, float | None]  # None: at a bound, or without effect
@@ -226,7 +219,6 @@ class InverseFit:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content, the same for the same input."""
         full = self.device.file.domain.theta_max_rad.value
         parameters = {}
         for key, value in self.values.items():
@@ -257,7 +249,6 @@ class InverseFit:
         }
 
     def summary(self) -> list[str]:
-        """A few lines for the terminal: parameters, error on held-out cycles, notes."""
         lines = ["inverse, play operators refitted (table 4.2 in brackets):"]
         for key, value in self.values.items():
             sigma, bound = self.sigma[key], play_at_bound(key, value)
@@ -285,7 +276,6 @@ def refit_inverse(
     population: int = POPULATION,
     progress: Progress | None = None,
 ) -> InverseFit:
-    """Refit kappa, phi and chi to recordings."""
     tell: Progress = progress or (lambda share, text: None)
     _check(device, recordings)
     coarse = PlayPlant(device, recordings, ROWS_SEARCH)

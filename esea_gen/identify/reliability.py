@@ -44,8 +44,6 @@ PUBLISHED = "thesis, one model on other elastomers: RMS 2.93 % (worst of two), 3
 
 @dataclass(frozen=True)
 class Coefficient:
-    """An intraclass correlation and its 95 % interval."""
-
     value: float
     low: float
     high: float
@@ -65,8 +63,6 @@ class PairAgreement:
 
 @dataclass(frozen=True)
 class Reliability:
-    """What the specimens say together."""
-
     specimens: tuple[str, ...]
     rows: int
     absolute: Coefficient
@@ -75,11 +71,9 @@ class Reliability:
     apart_pct: dict[str, float]  # RMS of each less the mean of the others, of the largest
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return asdict(self) | {"published": PUBLISHED}
 
     def table(self) -> list[str]:
-        """Lines of text."""
         lines = [f"{len(self.specimens)} specimens at {self.rows} conditions"]
         for name, c in (
             ("ICC(2,1), absolute agreement", self.absolute),
@@ -155,7 +149,6 @@ def agreement(first: Array, second: Array) -> tuple[float, float, float, float]:
 
 
 def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
-    """What specimens say together."""
     names = tuple(torques_Nm)
     lengths = {len(x) for x in torques_Nm.values()}
     if len(names) < LEAST_COLUMNS or len(lengths) != 1 or min(lengths) < LEAST_ROWS:
@@ -224,12 +217,10 @@ class JointFit:
     agreement: Reliability
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         fits = {"joint_pct": self.joint_pct, "own_pct": self.own_pct}
         return self.agreement.to_dict() | fits | {"full_scale_Nm": self.full_scale_Nm}
 
     def table(self) -> list[str]:
-        """Lines of text."""
         lines = [
             f"{self.title}: held out, RMS in % of full scale ({self.full_scale_Nm:g} Nm)",
             f"{'specimen':30} one model for all   its own",

@@ -27,8 +27,6 @@ from esea_gen.model.sensing import sensing_system
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the device's C makes of the recordings."""
-
     misfits: Misfits
     torque_Nm: dict[str, Array]
     omega_rad_s: dict[str, Array]
@@ -83,8 +81,6 @@ LEAST = 20  # of fewer samples there is no 95 %
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """Samples with their errors."""
-
     error_Nm: Array  # shape (n,); the rate is None where time was not recorded
     torque_Nm: Array
     omega_rad_s: Array | None
@@ -104,7 +100,6 @@ class TorqueWorth:
 
 
 def label(edges: Sequence[float], i: int) -> str:
-    """A class in words."""
     if math.isinf(edges[i + 1]):
         return f"> {100 * edges[i]:g} %"
     return f"{100 * edges[i]:g}-{100 * edges[i + 1]:g} %"

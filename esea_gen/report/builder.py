@@ -31,13 +31,11 @@ class Report(Findings):
 
     @property
     def passed(self) -> bool:
-        """Whether the C is what was promised, and no run of a controller was unstable."""
         # How well a model fits or a controller follows does not enter.
         return self.verification.passed and self.board.passed and not drive.problems(self)
 
     @property
     def problems(self) -> list[str]:
-        """Everything that failed, one line each."""
         found = [*verification_problems(self.verification), *self.board.problems]
         return found + drive.problems(self)
 
@@ -55,7 +53,6 @@ class Report(Findings):
         return finished
 
     def summary(self) -> list[str]:
-        """A few lines for the terminal."""
         problems = self.problems
         lines = [
             f"{self.device.title}: {'passed' if self.passed else 'FAILED'} "
@@ -67,13 +64,11 @@ class Report(Findings):
         return [*lines, *self.kind.summary(self)]
 
     def html(self) -> str:
-        """The page, one self-contained file."""
         head, sections, title = self.kind.HEAD, self.kind.SECTIONS, self.device.title
         return render(head, sections, self, title=title, f=self.to_dict(), reals=REAL_NAMES)
 
 
 def verification_problems(verification: Verification) -> list[str]:
-    """Every comparison that failed, one line each."""
     found = []
     for c in verification.comparisons:
         where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"

@@ -50,7 +50,6 @@ def no_yardstick(device: Device) -> str:
 
 
 def summary(found: Findings) -> list[str]:
-    """Torque errors by experiment, board."""
     lines = []
     rows = _experiments(found)["experiments"]
     for name in COMPARED:
@@ -69,7 +68,6 @@ def _mean_text(rows: list[dict[str, Any]], key: str) -> str:
 
 
 def problems(found: Findings) -> list[str]:
-    """Runs of the device's controller that did not end well."""
     return [
         f"{name}, {case['name']}: {', '.join(k for k in BADLY if case.get(k))}"
         for name, simulation in found.simulations.items()

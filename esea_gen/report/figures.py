@@ -38,8 +38,6 @@ MARKS = (
 
 @dataclass(frozen=True)
 class Curve:
-    """Torque over one recording, for plots."""
-
     label: str
     time_s: Array  # samples, shape (n,)
     theta_rad: Array
@@ -58,7 +56,6 @@ def _new(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
 
 
 def recorded(r: Recording, model_Nm: Array, model_name: str = "C, float32") -> Curve:
-    """A recording with a model's torque at its samples."""
     held = np.zeros(len(r.time_s), dtype=bool)
     parts = []
     for s in r.sets:
@@ -203,7 +200,6 @@ def loops(trace: Curve, name: str, points: int) -> Markup:
 def over_time(
     trace: Curve, name: str, points: int, full_scale_Nm: float, rounding: tuple[Array, Array] | None
 ) -> Markup:
-    """Torque, its error and its rounding error over time."""
     t, model, measured = trace.time_s, trace.model_Nm, trace.measured_Nm
     # Of each panel its label, and its curves: times, values, colour, width, name.
     torque: list[tuple[Array, Array, str, float, str]] = [(t, model, MODEL, 0.8, trace.model_name)]
@@ -338,7 +334,6 @@ def search_picture(best: PresentBest) -> Figure:
 
 @styled
 def friction_picture(runs: Sequence[SteadyRun], found: Friction) -> Figure:
-    """Torque over speed at the motor shaft."""
     figure, axes = new_figure(7.0, 3.6)
     speeds, torques, _ = run_means(runs)
     axes.plot(speeds, 1e3 * torques, "o", color=MEASURED, ms=4, label="recorded, a run each")

@@ -32,8 +32,6 @@ TICKS = 3000  # of the tuning case, for a device with a law
 
 @dataclass(frozen=True)
 class BoardRun:
-    """What became of the firmware."""
-
     name: str
     title: str
     image: FirmwareImage | None = None
@@ -50,7 +48,6 @@ class BoardRun:
 
     @property
     def problems(self) -> list[str]:
-        """What went wrong, one line each."""
         found = [f"board {self.name}: {self.failed}"] if self.failed else []
         for label, r in (self.results or {}).items():
             where = f"board {r.board}, {label}"
@@ -64,7 +61,6 @@ class BoardRun:
         return found
 
     def summary(self, steps: str) -> list[str]:
-        """Lines for the terminal."""
         lines = [f"board {self.name}: skipped: {self.skipped}"] if self.skipped else []
         for label, r in (self.results or {}).items():
             same = "every bit as on the host" if r.identical else "BITS DIFFER"
@@ -132,8 +128,6 @@ class Run:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found of a device."""
-
     device: Device
     verification: Verification  # the C against the symbolic Blocks
     bundles: tuple[Bundle, ...]
@@ -150,6 +144,5 @@ class Findings:
         return self.mapping is not None and self.mapping.mapping.device.name == self.device.name
 
     def comparisons(self, block: str, real: str) -> list[Comparison]:
-        """Comparisons of a Block in a number format."""
         every = self.verification.comparisons
         return [c for c in every if c.block == block and c.real == real]

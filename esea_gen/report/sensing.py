@@ -124,7 +124,6 @@ def _head(found: Findings) -> dict[str, Any]:
 
 
 def summary(found: Findings) -> list[str]:
-    """Worst errors, board, fit, what is assumed or missing."""
     lines = [
         f"{REAL_NAMES[real]}: worst error {w['percent']:.2g} % of full scale "
         f"({w['block']}.{w['output']}, {w['stream']}), limit {w['bound_percent']:.2g} %"

@@ -29,7 +29,6 @@ SCALES = {
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
-    """The page, one self-contained file."""
     content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
     model = content["model"]["member"] if "model" in content else THESIS
     shown = {

@@ -95,8 +95,6 @@ KINDS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class SpecimenResults:
-    """All that is known of a specimen."""
-
     asked: str  # mapping file and folder of the data, as they are typed
     source: MappingFile
     recordings: tuple[Recording, ...]

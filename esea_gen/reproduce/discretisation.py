@@ -119,8 +119,6 @@ def _compiled(device: Device, block: Block) -> CRunner:
 
 @dataclass(frozen=True)
 class EncodedMotion:
-    """A sine sweep of deflection inside the identified domain."""
-
     amplitude_deg: float
     top_Hz: float
     duration_s: float

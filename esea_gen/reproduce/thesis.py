@@ -39,8 +39,6 @@ SIDES = {
 
 @dataclass(frozen=True)
 class HostResults:
-    """Contents of the files that were given, by what they are of."""
-
     found: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @classmethod
@@ -119,8 +117,6 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Printed:
-    """A table or figure of the thesis, or a number of its text."""
-
     id: str
     title: str
     kind: Kind

@@ -37,8 +37,6 @@ SLOW = "largest torque, {} deg at 0.01 Hz"
 
 @dataclass(frozen=True)
 class Figure3:
-    """One number of the forward model, and what the thesis and the recomputation have of it."""
-
     meaning: str
     unit: str
     thesis: float | None
@@ -330,7 +328,6 @@ class Chapter4:
 
 
 def reproduce_chapter4(progress: Callable[[str], None] | None = None) -> Chapter4:
-    """Recompute tables 4.4 and 4.5 with the emitted C."""
     device, say = load_device("elbow"), progress or (lambda _: None)
     kappa = KAPPA_ROUNDING_RAD
     plan: list[tuple[str, str, Block]] = [

@@ -111,7 +111,6 @@ PEERS: dict[str, tuple[Columns, Array, Array]] = {
 
 
 def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Array]:
-    """Fit a peer on the training samples."""
     columns, low, high = PEERS[name]
     scale = trained_scale(recordings)
     grids = [np.linspace(0, r.time_s[-1], min(len(r.time_s), MOST_SAMPLES)) for r in recordings]
@@ -165,8 +164,6 @@ class CompareRow:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """What :func:`compare` found."""
-
     source: MappingFile
     full_scale_Nm: float  # 100 % of errors
     rows: tuple[CompareRow, ...]  # model by model, split by split
@@ -178,7 +175,6 @@ class ModelComparison:
     recordings: tuple[Recording, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input."""
         return {
             "mapping": self.source.origin,
             "recordings": recording_rows(self.recordings),

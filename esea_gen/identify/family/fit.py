@@ -60,7 +60,6 @@ def _springs(*rises: Rise) -> list[Term]:
 
 
 def members() -> tuple[Member, ...]:
-    """All of them."""
     odd = _springs(LINEAR, CUBIC)
     stops = odd + [Term("stop", q, (r,)) for q in (LINEAR, CUBIC) for r in THRESHOLDS]
     slips = odd + [Term("slip", q, (p,)) for q in (LINEAR, CUBIC) for p in PATHS]
@@ -132,7 +131,6 @@ class UnitTerms:
         return self._known[scale_rad]
 
     def having(self, recordings: Sequence[Recording]) -> UnitTerms:
-        """The same terms over other recordings."""
         other = copy.copy(self)
         other.recordings, other._known = tuple(recordings), {}
         return other
@@ -342,7 +340,6 @@ def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: Fitted
 
 
 def term_rows(fitted: FittedMember) -> list[dict[str, Any]]:
-    """Terms that carry torque, JSON-ready."""
     return [
         {
             "term": t.text,

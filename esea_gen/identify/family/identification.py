@@ -79,7 +79,6 @@ def family_section(
 def temperature_section(
     factor: TemperatureFactor, sources: Mapping[str, str], status: Status = "identified"
 ) -> FamilyTemperature:
-    """The factor of temperature in a device file."""
     found = {
         k: Quantity(value=getattr(factor, k), status=status, source=sources[k])
         for k in TEMPERATURE_KEYS
@@ -185,8 +184,6 @@ def _recorded_warmth(
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyIdentification(Identified):
-    """Result of an identification of a member of the family."""
-
     fitted: FittedMember
     sigma: dict[int, float]  # standard deviations of the weights above 0, by place among the terms
     spread: LeftOut  # last parameter: per_K, where fitted
@@ -197,7 +194,6 @@ class FamilyIdentification(Identified):
         return None if self.fitted.temperature is None else float(self.spread.sigma[-1])
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input."""
         family, limits = self.device.file.family, self.device.file.limits
         assert family is not None
         model: dict[str, Any] = {
@@ -218,7 +214,6 @@ class FamilyIdentification(Identified):
 
 
 def _member_named(name: str) -> Member:
-    """A member by its name, as comparisons print it."""
     known = {m.name: m for m in members()}
     if name not in known:
         raise UserError(

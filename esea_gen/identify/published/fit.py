@@ -134,7 +134,6 @@ def interior_point(problem: SearchProblem, start: Array) -> Array:
 
 
 def best_of(ends: Ends) -> tuple[float, Array]:
-    """The one of least cost."""
     return min(ends, key=lambda e: e[0])
 
 
@@ -146,7 +145,6 @@ SEARCHES: dict[str, Search] = {
 
 
 def search_named(name: str) -> Search:
-    """A way to search by its name."""
     choose("search", name, SEARCHES)
     return SEARCHES[name]
 
@@ -161,8 +159,6 @@ USUAL = {False: 550, True: 650}
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model."""
-
     values: dict[str, float]  # elastomer parameters by key; without rate terms only the first five
     cost: float  # mean over data sets of the mean square error, Nm^2, training data
     population: int  # size of the starting population; runs of the C over all training data
@@ -245,7 +241,6 @@ class PublishedChannels:
         return SearchProblem(plant, self.space, SearchMemo(), self.how, lambda _count, _best: None)
 
     def start(self, recordings: list[Recording]) -> None:
-        """A global search."""
         method = search_named(self.how.method)
         self._problem = self._over(recordings)
         self._begun = best_of(method(self._problem, self.seed, self.count))[1]

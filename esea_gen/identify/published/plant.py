@@ -74,8 +74,6 @@ class FitStream:
 
 
 class FittedPlant:
-    """The compiled sensor over all recordings at one rate."""
-
     def __init__(
         self,
         device: Device,
@@ -209,7 +207,6 @@ class FittedPlant:
         return out
 
     def torque(self, values: Mapping[str, float]) -> Array:
-        """Model torque at the training rows."""
         torque: Array = self._collect([(y["tau_Nm"],) for y in self.run(values)])[:, 0]
         return torque
 

@@ -108,12 +108,10 @@ class SearchMemo:
                 raise UserError(f"{path}, line {number}: is damaged.", fix) from None
 
     def name(self, *parts: str | bytes) -> str:
-        """Digest under which something is kept."""
         joined = b"\0".join(p if isinstance(p, bytes) else p.encode() for p in parts)
         return hashlib.sha256(joined).hexdigest()[:32]
 
     def get(self, name: str) -> tuple[float, ...] | None:
-        """What is kept under a name."""
         return self._known.get(name)
 
     def put(self, found: Iterable[tuple[str, Sequence[float] | Array]]) -> None:
@@ -142,8 +140,6 @@ Watch = Callable[[PresentBest, bool], None]
 
 @dataclass(frozen=True)
 class Searching:
-    """How to search."""
-
     method: str = "multi-start"  # a name of :data:`esea_gen.identify.published.fit.SEARCHES`
     jobs: int = -1  # threads; -1 for all cores.  The answer does not depend on it
     resume: Path | None = None  # file that keeps what was computed

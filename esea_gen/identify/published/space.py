@@ -27,14 +27,12 @@ EPS2_DEFAULT = 0.013  # the published elbow's value; any other gives the same to
 
 @cache
 def bounds_of(key: str) -> tuple[float, float]:
-    """Bounds of an elastomer parameter, those of the device file."""
     dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
     extra = field_facts(dotted)
     return float(extra["low"]), float(extra["high"])
 
 
 def at_bound(key: str, value: float) -> str | None:
-    """Whether a parameter sits at a bound."""
     low, high = bounds_of(key)
     # The viscosity's numbers have no scale of their own: only 0 itself is a lower bound of 0.
     if value <= low * (1 + 1e-6):
@@ -54,8 +52,6 @@ def with_parameters(elastomer: Elastomer, values: Mapping[str, Quantity]) -> Ela
 def with_values(
     device: Device, values: Mapping[str, float], **sections: Mapping[str, float]
 ) -> Device:
-    """A device with other numbers, for simulation."""
-
     def trial(numbers: Mapping[str, float]) -> dict[str, Quantity]:
         return {
             k: Quantity(value=float(v), status="identified", source="trial")
@@ -80,8 +76,6 @@ GAIN = (1e-3, 1e5)
 
 @dataclass(frozen=True)
 class Space:
-    """The searched numbers and how they become parameters."""
-
     rate_terms: bool
     theta_rad: float  # largest deflection and rate in the training data
     omega_rad_s: float
@@ -136,7 +130,6 @@ class Space:
 
 
 def linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
-    """Bounds of k1, k3, alpha (and kv)."""
     keys = ["k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad"] + (["kv_Nm_rad"] if rate_terms else [])
     pairs = [bounds_of(k) for k in keys]
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])

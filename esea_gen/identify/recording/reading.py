@@ -398,15 +398,12 @@ def followed_rad(theta_rad: Array, gap_rad: float) -> Array:
 
 
 def resample(time_s: Array, values: Array, grid_s: Array) -> Array:
-    """Linear interpolation onto a grid."""
     out: Any = np.interp(grid_s, time_s, values)
     return np.asarray(out, dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording resampled to the sensing rate."""
-
     label: str
     time_s: Array  # shape (steps,); deflection and measured torque
     theta_rad: Array
@@ -417,7 +414,6 @@ class Replay:
 
 
 def recordings_for(device: Device, mapping: Path, data: Path | None = None) -> list[Replay]:
-    """Recordings of a mapping, at a device's sensing rate."""
     source = load_mapping(mapping, data)
     return [_replay(device, source.origin, r) for r in load_recordings(source)]
 
@@ -451,5 +447,4 @@ def _replay(device: Device, origin: str, r: Recording) -> Replay:
 def recorded_deflections(
     device: Device, mapping: Path, data: Path | None = None
 ) -> dict[str, Array]:
-    """Deflections of a mapping's recordings, by label."""
     return {r.label: r.theta_rad for r in recordings_for(device, mapping, data)}

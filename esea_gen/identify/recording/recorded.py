@@ -34,7 +34,6 @@ class Recording:
 
 
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
-    """What a result was made of, JSON-ready."""
     return [
         {
             "label": r.label,
@@ -52,8 +51,6 @@ def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Errors of one data set, in the unit of what is compared."""
-
     rms: float  # root mean square and largest magnitude
     largest: float
 

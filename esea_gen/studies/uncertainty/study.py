@@ -50,7 +50,6 @@ class Figures:
         return max(abs(self.low_Nm), abs(self.high_Nm))
 
     def shares(self, full_scale_Nm: float) -> dict[str, float | int]:
-        """In Nm and in % of full scale."""
         out: dict[str, float | int] = {}
         for name, value in vars(self).items():
             out[name] = value
@@ -60,8 +59,6 @@ class Figures:
 
 
 class Tally:
-    """Errors of one source, counted as the runs come in."""
-
     def __init__(self, full_scale_Nm: float) -> None:
         self.finest = FINEST * full_scale_Nm
         self.top = math.log1p(WIDEST / FINEST)
