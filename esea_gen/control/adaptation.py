@@ -112,7 +112,7 @@ class _Adaptation:
             )
         )
         self.tunables = tuple(Tunable(*row, "docs/control.md") for row in (*rows, *found))
-        self.coefficients = tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables)
+        self.coefficients = tuple(t.port for t in self.tunables)
         ends = zip(("gain", "loss", "offset_Nm"), self.ends(), strict=True)
         more = [
             around(f"more_{name}", 1.01 * (high - low), f"{name}: learnt since the start")

@@ -104,7 +104,7 @@ class _Impairment:
                 *("the elastomer's full scale", "assumed", "low"),
             ),
         )
-        self.coefficients = tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables)
+        self.coefficients = tuple(t.port for t in self.tunables)
         self.inputs = (
             around("theta_rad", self.theta, "angle of the joint from the neutral position"),
             around("omega_rad_s", self.omega, "its rate"),

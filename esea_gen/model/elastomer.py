@@ -88,7 +88,7 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
     coefficients = (
         Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
         Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
+        *(t.port for t in tunables if t.name in direct),
     )
 
     def prepare(t: SimpleNamespace) -> dict[str, Any]:

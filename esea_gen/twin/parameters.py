@@ -160,7 +160,7 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
     direct = [by_name[n] for n in passed_on(tunables)]
     vectors = ("wave_turns", "phase_turns")
     return (
-        *(Port(t.name, t.low, t.high, t.meaning) for t in direct),
+        *(t.port for t in direct),
         *(
             Port(n, -200.0 if n in vectors else 0.0, 200.0, text, SINES if n in vectors else 1)
             for n, text in _DERIVED.items()
