@@ -134,7 +134,7 @@ def _coefficients(n: LimitNumbers, tunables: tuple[Tunable, ...]) -> tuple[Port,
     steep = most * n.u_max / (fade * slowest)
     only_brakes = 0.99 * BRAKE * slowest, most * BRAKE * n.omega_max
     return (
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name != "u_rate_Nm_s"),
+        *(t.port for t in tunables if t.name != "u_rate_Nm_s"),
         Port("u_step_Nm", least * n.step_max, most * n.step_max, "largest change in a period"),
         Port("trip_low_rad", n.trip_low - room, n.rom_max, "joint angle below which it trips"),
         Port("trip_high_rad", n.rom_min, n.trip_high + room, "joint angle above which it trips"),
