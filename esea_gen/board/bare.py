@@ -19,7 +19,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool
+from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool, write_texts
 from esea_gen.hostlib.library import HostLibrary, compile_device, run_schedule
 from esea_gen.language.system import Task
 from esea_gen.targets import (
@@ -96,8 +96,7 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
     gcc = find_compiler(*board.processor.toolchain.gcc)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)
-        for name, content in files.items():
-            (folder / name).write_text(content, encoding="utf-8")
+        write_texts(folder, files)
         sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
         image = folder / "bare.elf"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
