@@ -19,7 +19,7 @@ from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, write_texts
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
@@ -66,8 +66,7 @@ class Bench:
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
         texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
         texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, texts)
         self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
         for name, made in self.objects.items():
             self._gcc("-c", name, "-o", made, check=True)
