@@ -8,7 +8,7 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify import Identification
 from esea_gen.identify.identified import Identified
-from esea_gen.model.elastomer import RATE_KEYS
+from esea_gen.identify.published.space import place_of
 from esea_gen.report import figures
 from esea_gen.report.page import PageSection, finite, render
 
@@ -19,7 +19,7 @@ def identification_page(result: Identified) -> str:
     if "model" in content:
         content["command"] += f' --model "{content["model"]["member"]}"'
     parameters = [
-        {"key": key, "meaning": field_facts(dotted(key))["text"], **p}
+        {"key": key, "meaning": field_facts(place_of(key))["text"], **p}
         for key, p in content.get("parameters", {}).items()
     ]
     assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
@@ -55,7 +55,3 @@ SECTIONS = (
     PageSection("identification/specimen", "Specimen"),
     PageSection("identification/search", "Data and search"),
 )
-
-
-def dotted(key: str) -> str:
-    return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
