@@ -56,7 +56,7 @@ def _loops(found: SpecimenResults) -> dict[str, Any]:
         sets = tuple(p for p in curve.parts if p[0] != figures.WHOLE)
         traces.append(replace(curve, parts=sets))
     whole = figures.joined(traces)
-    drawn = figures.loops(whole, "loops", figures.POINTS_PER_PAGE // 2)
+    drawn = figures.loops_svg(whole, "loops", figures.POINTS_PER_PAGE // 2)
     return {"loops": drawn, "panels": len(whole.parts), "most": figures.MOST_PANELS}
 
 
