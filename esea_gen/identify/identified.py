@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.numbers import Quantity, Section
+from esea_gen.devices.numbers import Quantity, Series, changed
 from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.files import plain, write_whole
@@ -48,23 +48,14 @@ def gated(device: Device, recordings: Sequence[Recording]) -> Device:
         return device
     why = f"not identified, the recording has: {', '.join(kinds)}; "
 
-    def doubted(section: Section) -> Section:
-        update: dict[str, Any] = {}
-        for key in type(section).model_fields:
-            value = getattr(section, key)
-            if isinstance(value, Quantity) and value.status == "identified":
-                update[key] = value.model_copy(
-                    update={"status": "assumed", "source": why + value.source}
-                )
-            elif isinstance(value, Section):
-                update[key] = doubted(value)
-            elif isinstance(value, tuple):
-                update[key] = tuple(doubted(v) if isinstance(v, Section) else v for v in value)
-        return section.model_copy(update=update)
+    def doubted(number: Quantity | Series) -> Quantity | Series:
+        if isinstance(number, Series) or number.status != "identified":
+            return number
+        return number.model_copy(update={"status": "assumed", "source": why + number.source})
 
     file = device.file
     models = {k: getattr(file, k) for k in ("elastomer", "family")}
-    update = {k: doubted(v) for k, v in models.items() if v is not None}
+    update = {k: changed(v, doubted) for k, v in models.items() if v is not None}
     return parse_device(render_toml(file.model_copy(update=update)), device.origin)
 
 
