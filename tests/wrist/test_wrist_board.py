@@ -179,13 +179,14 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
         DeviceSignals(device()).must_fit(uses)
 
 
-def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
+@pytest.mark.ci
+def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_machine):
     """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
     require_tool("gcc")
     study = study_of(tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2))
     board = SimulatedBoard("wrist_drive", person="nobody")
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=serve_hosts, args=(board, listener, 1.0, False))
+        thread = threading.Thread(target=serve_hosts, args=(board, listener, 0.5, False))
         thread.start()
         cable = Proxy(listener.getsockname()[1])
         with esea_host.open_device(cable.address) as device:
