@@ -224,7 +224,7 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
-@pytest.mark.parametrize("limit_bytes", [7000, 100_001])
+@pytest.mark.parametrize("limit_bytes", [pytest.param(7000, marks=pytest.mark.ci), 100_001])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
     path = tmp_path / "a.mcap"
@@ -349,7 +349,7 @@ def lost_by_kill(folder: Path, moment_s: float) -> tuple[int, int]:
 RANDOM = Random(16)
 
 
-@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5) for _ in range(2)])
+@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5)])
 def test_after_kill_nine_at_most_a_second_is_gone(tmp_path, moment_s):
     handed, left = lost_by_kill(tmp_path, moment_s)
     assert left <= handed + 100  # said a moment later than written

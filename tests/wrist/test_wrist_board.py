@@ -75,28 +75,25 @@ class Looking(VirtualPerson):
 
 def test_participants_get_over_the_link_what_the_application_has(begun):
     """Rows made of the application's memory are those of the session, to the bit."""
-    for number in range(3):
-        session, source = begun(
-            NEUTRAL % HEALTHY, RANGE % ("RU", HEALTHY), code=f"P{number:02d}", kind=Looking
-        )
-        source.seen = []
-        assert session.run() == ""
-        samples = [s for data in logged(session, "frames") for s in data["samples"]]
-        assert [list(x.values()) for x in source.seen] == [s[1:] for s in samples]
-        past = []
-        for trial in session.state.plan.trials:
-            task = task_named(trial.task, "")
-            state = task.begin(Situation(task.Parameters(**trial.parameters), "", tuple(past), 0))
-            for time_s, *_ in samples:
-                step = task.step(state, time_s, source.seen.pop(0))
-                state = step.state
-                if step.outcome is not None:
-                    break
-            samples = samples[len(samples) - len(source.seen) :]
-            row = session.state.past[trial.number - 1]
-            assert step.outcome.row.items() <= row.items()
-            past.append(row)
-        assert all(same for *_, same in replay(session.log.path))
+    session, source = begun(NEUTRAL % HEALTHY, RANGE % ("RU", HEALTHY), kind=Looking)
+    source.seen = []
+    assert session.run() == ""
+    samples = [s for data in logged(session, "frames") for s in data["samples"]]
+    assert [list(x.values()) for x in source.seen] == [s[1:] for s in samples]
+    past = []
+    for trial in session.state.plan.trials:
+        task = task_named(trial.task, "")
+        state = task.begin(Situation(task.Parameters(**trial.parameters), "", tuple(past), 0))
+        for time_s, *_ in samples:
+            step = task.step(state, time_s, source.seen.pop(0))
+            state = step.state
+            if step.outcome is not None:
+                break
+        samples = samples[len(samples) - len(source.seen) :]
+        row = session.state.past[trial.number - 1]
+        assert step.outcome.row.items() <= row.items()
+        past.append(row)
+    assert all(same for *_, same in replay(session.log.path))
 
 
 def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
