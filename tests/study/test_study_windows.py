@@ -16,7 +16,7 @@ from esea_host.cli import app
 from esea_host.study.conductor import HELD, PAUSED, Conductor
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol, parse_protocol
-from esea_host.study.scene import Text, said
+from esea_host.study.scene import Text
 from esea_host.study.session import replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, Situation, task_named
@@ -66,7 +66,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
     operator.refresh()
     assert conductor.error is None
-    assert "DONE" in operator.state.text()
+    assert "BEENDET" in operator.state.text()
     assert logged(shown) == logged(plain)
     assert [r["trial"] for r in shown.rows("P01")] == [r["trial"] for r in plain.rows("P01")]
     assert all(same for _, _, same in replay(shown.log_of("P01", 0)))
@@ -75,7 +75,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     trials = len(conductor.plan.trials)
     told = [d["trial"] for _, d in logged(shown, "display")]
     assert told == [*range(1, trials + 1), None]
-    assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"completed"}
+    assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"abgeschlossen"}
 
 
 def test_simulated_time_waits_for_the_clock(begin):
@@ -100,8 +100,8 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     elif how == "closed":
         operator.close()
     elif how == "escape":
-        operator.words.setFocus()
-        qtbot.keyClick(operator.words, Qt.Key.Key_Escape)
+        operator.written.setFocus()
+        qtbot.keyClick(operator.written, Qt.Key.Key_Escape)
     else:
         qtbot.keyClick(participant, Qt.Key.Key_Space)
     ended(conductor)
@@ -112,7 +112,7 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     assert frames[-1]["samples"][-1][0] == pytest.approx(0.5)  # not one step more
     operator.refresh()
     assert "STOPPED" in operator.state.text()
-    assert said(conductor.screen().scene.texts[0]) == "The session was stopped."
+    assert conductor.screen().scene.texts == (Text("stopped"),)
     assert operator.stop_button.isVisible() == (how != "closed")
 
 
@@ -146,7 +146,7 @@ def test_a_pause_holds_a_task_that_can_be_held_and_shows_the_score(begin, window
     conductor.go_on()
     keys = [t.key for t in conductor.screen().scene.texts]
     assert keys == ["follow", "error", "paused"]
-    qtbot.mouseClick(operator.buttons["Pause"], Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(operator.buttons["pause"], Qt.MouseButton.LeftButton)
     ended(conductor)
     names = [d["name"] for _, d in logged(conductor.study, "event")]
     assert names == ["paused", "resumed"]
@@ -179,17 +179,17 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows):
     conductor.arrive()
     operator.repeat()
     assert "without a reason" in conductor.said
-    operator.words.setText("a cough")
+    operator.written.setText("a cough")
     operator.repeat()  # the one that runs: nothing is marked
     for words, row, job in (("the strap", 0, operator.repeat), ("no time", 3, operator.skip)):
-        operator.words.setText(words)
+        operator.written.setText(words)
         operator.trials.selectRow(row)
         operator.refresh()
-        assert operator.buttons["Skip trial"].text() == f"Skip trial {row + 1}"
+        assert operator.buttons["skip_this_trial"].text() == f"Skip trial {row + 1}"
         job()
     operator.refresh()
-    assert operator.buttons["Skip trial"].text() == "Skip trial 2"  # the one that runs
-    operator.words.setText("again")
+    assert operator.buttons["skip_this_trial"].text() == "Skip trial 2"  # the one that runs
+    operator.written.setText("again")
     operator.trials.selectRow(4)
     operator.repeat_block()  # nothing of it was run
     assert "has been run yet" in conductor.said
@@ -209,7 +209,7 @@ def test_a_stop_in_a_rest_aborts_no_trial(begin):
     conductor = begin(of_tasks(f"rest_s = 600\n{TRACKING}"), speed=1.0)
     until(lambda: conductor.phase == "resting")
     assert 590 < conductor.rest_left_s <= 600
-    assert said(conductor.screen().scene.texts[0]).startswith("Rest, ")
+    assert conductor.screen().scene.texts[0].key == "rest"
     conductor.stop("the participant asked")
     ended(conductor)
     assert conductor.reason == "the participant asked"
@@ -272,7 +272,7 @@ def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monk
     (row,) = [r for r in conductor.study.rows("P01") if r["task"] == "wrist.velocity"]
     assert advice in row["complaints"][0]
     monkeypatch.undo()
-    operator.words.setText("too short")
+    operator.written.setText("too short")
     operator.trials.selectRow(3)
     operator.repeat_block()
     operator.pause()
