@@ -12,7 +12,7 @@ from esea_gen.cli.app import app
 from esea_gen.cli.names import PEOPLE, PLANTS, closed_loop_studies, completing, configured
 from esea_gen.cli.options import chosen_formats, option, writable
 from esea_gen.cli.output import counted, show
-from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand, StudyCommand
+from esea_gen.cli.studies import CONTROLLER_HELP, Reproductions, SimulateCommand
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 
@@ -141,7 +141,7 @@ def simulate(
         write_whole(csv_file, result.csv())
 
 
-@app.command(cls=StudyCommand)
+@app.command()
 def passivity(
     controller: ControllerOption = "smc",
     plant: PlantOption = "real",
@@ -164,6 +164,7 @@ def passivity(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
+    """Passivity of the rendered impedance over its gains, with pushed hands; sliding condition."""
     from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.passivity.study import study_interaction
 
@@ -183,7 +184,7 @@ def passivity(
     show(result, json_file, "passivity", figure=figure)
 
 
-@app.command(cls=StudyCommand)
+@app.command()
 def tune(
     controller: ControllerOption = "smc",
     plant: PlantOption = "real",
@@ -197,8 +198,9 @@ def tune(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
+    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.studies.tuning_sweep.study import tune as sweep_tunables
+    from esea_gen.studies.tuning_sweep import tune as sweep_tunables
 
     try:
         row = [float(v) for v in values.split(",")] if values.strip() else []

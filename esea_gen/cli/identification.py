@@ -14,7 +14,6 @@ from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
-from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError, choose
 from esea_gen.files import write_json, write_whole
 
@@ -241,7 +240,7 @@ def reliability(
     show(judged(torques), json_file, "reliability")
 
 
-@app.command(cls=StudyCommand)
+@app.command()
 def uncertainty(
     device: options.DeviceArgument,
     runs: Annotated[int, option("--runs", "Monte Carlo runs.")] = 100,
@@ -254,6 +253,7 @@ def uncertainty(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
+    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
     from esea_gen.studies.uncertainty.spread import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
@@ -267,7 +267,7 @@ def uncertainty(
     show(result, json_file, "uncertainty", figure=figure)
 
 
-@app.command("torque-check", cls=StudyCommand)
+@app.command("torque-check")
 def torque_check(
     device: options.DeviceArgument,
     mass: Annotated[float | None, option("--mass KG", "Mass hung on the arm.")] = None,
@@ -292,10 +292,10 @@ def torque_check(
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    from esea_gen.studies.torque_check.check import TorqueCheck
-    from esea_gen.studies.torque_check.load import KnownLoad
+    """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
+    from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+    from esea_gen.studies.torque_check.procedure import KnownLoad
     from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
-    from esea_gen.studies.torque_check.study import instructions
 
     loaded = esea_gen.load_device(device)
     check = None

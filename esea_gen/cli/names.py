@@ -38,8 +38,7 @@ class Written:
 def written_studies() -> dict[str, Written]:
     """Studies of the package, by name."""
     found = {}
-    studies, reproduced = ROOT / "studies", ROOT / "reproduce"
-    for path in [*studies.glob("*.py"), *studies.glob("*/study.py"), *reproduced.glob("*.py")]:
+    for path in [*(ROOT / "studies").glob("*.py"), *(ROOT / "reproduce").glob("*.py")]:
         text = path.read_text(encoding="utf-8")
         if '\n    name = "' not in text:
             continue

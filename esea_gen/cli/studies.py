@@ -20,20 +20,6 @@ from esea_gen.files import write_whole
 CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
 
 
-class StudyCommand(TyperCommand):
-    """A command of a study's own name."""
-
-    @property
-    def help(self) -> str:
-        """The study's."""
-        assert self.name is not None
-        return written_studies()[self.name].help
-
-    @help.setter
-    def help(self, _: str | None) -> None:
-        return
-
-
 class SimulateCommand(TyperCommand):
     """Lists the closed-loop studies below its options."""
 

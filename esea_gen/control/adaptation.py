@@ -8,12 +8,14 @@ rubber is wound up, the gear's disturbance looks like a stiffness of ten per cen
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.fields import Adaptation
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -29,10 +31,6 @@ from esea_gen.language.ports import (
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Adaptation
-    from esea_gen.devices.file import DeviceData
 
 STOP_NM = 0.8
 """Threshold of the stop operator that stands for the loss: of trials from 0.1 to 0.8 the best."""

@@ -6,12 +6,14 @@ As printed (thesis 7.1, 7.2) both damping terms feed a motion out; what is passi
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.control.limits.safety import JOINT_RAD
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -26,11 +28,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from esea_gen.devices.file import DeviceData
 
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
+from esea_gen.devices.fields import PassiveInteraction
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -35,10 +37,6 @@ from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import filter_delay_s
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import PassiveInteraction
-    from esea_gen.devices.file import DeviceData
 
 RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""

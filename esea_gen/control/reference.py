@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,6 +11,7 @@ import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
@@ -25,9 +26,6 @@ from esea_gen.language.ports import (
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 OFF, TORQUE, IMPEDANCE = 0.0, 1.0, 2.0
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
@@ -24,11 +26,6 @@ from esea_gen.language.ports import (
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from esea_gen.devices.file import DeviceData
 
 # On the standard plant 4 Hz lags by too much at 1.5 Hz (0.15 Nm), 24 Hz gives no more than 16.
 BANDWIDTH_HZ, BANDWIDTH_LOW_HZ = 16.0, 0.5

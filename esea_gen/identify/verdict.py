@@ -22,17 +22,7 @@ from esea_gen.model.sensing import sensing_system
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the device's C makes of the recordings.
-
-    Parameters
-    ----------
-    misfits : Misfits
-        Torque errors of every data set, in training and held out.
-    torque_Nm, omega_rad_s : dict of str to ndarray
-        Model torque and rate of the deflection at the samples of each recording.
-    largest_rate_Nm : float
-        Largest |torque| of the Maxwell element.
-    """
+    """What the device's C makes of the recordings."""
 
     misfits: Misfits
     torque_Nm: dict[str, Array]
@@ -43,27 +33,7 @@ class Verdict:
 def temperature_tunables(
     device: Device, system: System, recording: Recording
 ) -> dict[str, dict[str, float]]:
-    """What a recording's temperature sets in a System, by instance.
-
-    Parameters
-    ----------
-    device : Device
-        For messages.
-    system : System
-        Of that device.
-    recording : Recording
-        Data.
-
-    Returns
-    -------
-    dict
-        Empty where the torque model has no factor of temperature, or none was recorded.
-
-    Raises
-    ------
-    UserError
-        For a temperature outside the range in which the factor holds.
-    """
+    """What a recording's temperature sets in a System, by instance."""
     known = [(i, t) for i, t in system.tunables if t.name == TEMPERATURE]
     wanted = recording.temperature_C
     if wanted is None or not known:
@@ -83,18 +53,6 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
 
     The sensor is given the deflection as it was recorded, as in the fit: it does not come in
     counts of the device's encoders, and is not smoothed.
-
-    Parameters
-    ----------
-    device : Device
-        What is judged: its velocity estimate and torque sensor, at its own rate.
-    recordings : iterable of Recording
-        Data; the deflection is interpolated linearly to the device's rate.
-
-    Returns
-    -------
-    Verdict
-        Errors by data set, model torque by recording.
     """
     system = sensing_system(device, device.velocity, device.sensor, counts=False)
     task = compile_system(system, "f64").task("sense")

@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
@@ -33,9 +34,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.plays import STREAMS
 from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
 K1, K3, KV = sp.symbols("k_1 k_3 k_v", positive=True)

@@ -9,13 +9,14 @@ import math
 from enum import IntFlag
 from itertools import product
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
+from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -32,9 +33,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 Side = Literal["motor", "load"]
 SIDES: tuple[Side, ...] = ("motor", "load")

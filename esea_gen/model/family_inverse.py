@@ -9,10 +9,11 @@ where the motion turns back, because the slope of a slip operator jumps there.)
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.family import FittedMember, Start
@@ -23,9 +24,6 @@ from esea_gen.model.family_sensor import (
     torque_limit,
 )
 from esea_gen.model.forward import REQUEST_ROOM, request_port
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # A twentieth of a millinewton-metre in 10 Nm, and far above float32 rounding.
 RESIDUAL_SHARE = 5e-6

@@ -7,11 +7,12 @@ second gives one output for each term, of which the weights are solved for.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
@@ -26,9 +27,6 @@ from esea_gen.language.ports import (
 from esea_gen.model.family import FittedMember, Member, Start
 from esea_gen.model.family_step import ROOM, FamilyStep, merged_elements, unit_elements
 from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # Tunable of every Block that has a member with a factor of temperature.
 TEMPERATURE = "temperature_C"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
@@ -20,11 +22,6 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.numbers import Quantity
-
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 # The viscosity is steepest at rate zero: with the general aim q31's rate comes to rest 3e-5 rad/s

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
@@ -31,10 +32,6 @@ from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.model.set_rate import SetRate
 from esea_gen.model.symbolic import to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-
 
 # Bandwidth of the exact inverse's own observer: the largest the velocity Block allows.
 BANDWIDTH_HZ = 100.0

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -25,10 +26,6 @@ from esea_gen.language.ports import (
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
 from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
 from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-
 
 FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Equation, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # How fast what the rate predicts is corrected by the counts.  From 2 to 15 Hz the torque's error
 # changes by a fifth (docs/sensor.md): lower is better for sweeps, higher for reaches.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.fields import Cable, Redundancy
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -23,11 +25,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Cable, Redundancy
-    from esea_gen.devices.file import DeviceData
-
 
 USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 

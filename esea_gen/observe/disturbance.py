@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -24,10 +26,6 @@ from esea_gen.language.ports import (
 from esea_gen.model.symbolic import equation, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.numbers import Quantity
 
 J, N, FV, FC, WIDTH = sp.symbols("J n f_v f_c w_c", positive=True)
 U_A, OMEGA_M, TAU_E, D4 = sp.symbols("u_a omega_m tau_e d_4", real=True)

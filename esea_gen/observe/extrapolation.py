@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The thesis fits the past 11 values and evaluates at the next 11; their spacing is not given: at
 # 1 ms the noise of a value would grow ten thousandfold until the eleventh next one.

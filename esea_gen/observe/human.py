@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -30,9 +31,6 @@ from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The decay of the torque's rate may be tuned by this factor either way.
 DECAY_FACTOR = 5.0

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -28,10 +30,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.numbers import Quantity
 
 # Damping 1/Q of the two sections: twice the cosine of the poles' angles, pi/8 and 3 pi/8.
 DAMPING = (2 * math.cos(math.pi / 8), 2 * math.cos(3 * math.pi / 8))

@@ -15,8 +15,7 @@ from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Findings
 from esea_gen.report.page import PageSection
-from esea_gen.studies.outcome import Simulation
-from esea_gen.studies.simulation import default_person, simulate
+from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.verify.verdict import Comparison

@@ -13,7 +13,7 @@ from esea_gen.emit.build import Bundle
 from esea_gen.identify import MappingFile, Recording
 from esea_gen.identify.recording.reading import resample
 from esea_gen.report.board import BoardRun
-from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import Simulation
 from esea_gen.verify.verdict import Comparison, Verification
 
 Array = npt.NDArray[Any]

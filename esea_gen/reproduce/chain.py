@@ -8,20 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from esea_gen.analysis.plots import Panel, panels
 from esea_gen.device import load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.reproduce.reproduction import Reproduction
-from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
+from esea_gen.studies.uncertainty.motions import LOAD_HZ, LOAD_RAD, SENSE_RATE
 from esea_gen.twin.trajectories import reaches
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FINE = 16  # steps of the continuous model in a period
 LASTING_S = 40.0
@@ -77,8 +75,6 @@ class WholeChain:
         return [*lines, f"suited: by the encoder's resolution, {suited}"]
 
     def figure(self) -> Figure:
-        from esea_gen.analysis.plots import Panel, panels
-
         curves = []
         for what, line in ((COUNTS, "--"), (SMOOTHED, "-")):
             rows = [r for r in self.rows if r.deflection == what and r.bandwidth_Hz]

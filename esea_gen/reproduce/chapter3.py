@@ -9,17 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from esea_gen.analysis.plots import Panel, panels
 from esea_gen.device import load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.reproduce.reproduction import Reproduction
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SWEEP_HZ_S = 0.5 / 60
 HOLD_S = 300.0
@@ -61,8 +60,6 @@ class Chapter3:
         return lines
 
     def figure(self) -> Figure:
-        from esea_gen.analysis.plots import Panel, panels
-
         thin = {"linewidth": 0.8}
         loops = [(np.degrees(x), y, name, thin) for name, (x, y) in self.loops.items()]
         plain: dict[str, Any] = {}

@@ -11,9 +11,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
@@ -21,12 +22,10 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
+from esea_gen.plotting import INK
 from esea_gen.reproduce.chapter3 import Chapter3, reproduce_chapter3
 from esea_gen.reproduce.reproduction import Reproduction
-from esea_gen.studies.uncertainty.signals import END_S, SIGNALS, evaluation_filter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from esea_gen.studies.uncertainty.motions import END_S, SIGNALS, evaluation_filter
 
 SIGNAL_COUNT = 5
 
@@ -159,8 +158,6 @@ class Chapter4:
         return lines[:-1]
 
     def figure(self) -> Figure:
-        from matplotlib.figure import Figure
-
         figure = Figure(figsize=(11, 13.5), layout="constrained")
         axes = figure.subplots(SIGNAL_COUNT + 2, 1)
         for i, ax in enumerate(axes[:SIGNAL_COUNT]):
@@ -186,8 +183,6 @@ class Chapter4:
         return figure
 
     def _bars(self, ax: Any, content: dict[str, Any]) -> None:
-        from esea_gen.plotting import INK
-
         bars = [
             (f"{ROWS[row]}, {label}", content[row][key], c, hatch)
             for c, row in enumerate(BARS)

@@ -10,12 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
+from matplotlib.figure import Figure
 
+from esea_gen.analysis.plots import Panel, panels
 from esea_gen.device import Device, load_device, with_numbers
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels
@@ -24,10 +26,7 @@ from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.reproduce.reproduction import Reproduction
-from esea_gen.studies.uncertainty.signals import LOAD_HZ, LOAD_RAD, SENSE_RATE
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from esea_gen.studies.uncertainty.motions import LOAD_HZ, LOAD_RAD, SENSE_RATE
 
 REFINE_HZ = 20_000.0
 RATES_HZ = (1000.0, 500.0)
@@ -220,8 +219,6 @@ class Discretisation:
         return lines
 
     def figure(self) -> Figure:
-        from esea_gen.analysis.plots import Panel, panels
-
         dots = {"marker": "o"}
         ideal = [(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], s.scheme, dots) for s in self.ideal]
         real = [(BITS, [q.rms_pct[b] for b in BITS], q.source, dots) for q in self.real]

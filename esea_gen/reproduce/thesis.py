@@ -7,7 +7,9 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from esea_gen import __version__
 from esea_gen.reproduce.catalogue import (
@@ -24,9 +26,6 @@ from esea_gen.reproduce.catalogue import (
 from esea_gen.reproduce.given import HostResults
 from esea_gen.reproduce.measures import Measures
 from esea_gen.reproduce.reproduction import Reproduction
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CHAPTERS = (3, 4, 5, 6, 7, 8)
 NOTE = (
@@ -89,8 +88,6 @@ class Recomputed:
         return "\n".join(out).rstrip() + "\n"
 
     def figure(self) -> Figure:
-        from matplotlib.figure import Figure
-
         figure = Figure(figsize=(9, 5.5), layout="constrained")
         ax = figure.subplots()
         shown = [j for j in self.judged if j.printed.kind == "numbers" and j.off]

@@ -68,10 +68,10 @@ def study_file(name: str) -> Path | None:
 
 @cache
 def _own() -> dict[str, Study]:
-    # One file a study; where it needs several, a folder with the study in study.py.
+    # Folders hold what has a command of its own.
     rooms = map(importlib.import_module, ROOMS)
     every = ((room.__name__, m) for room in rooms for m in pkgutil.iter_modules(room.__path__))
-    names = (f"{room}.{m.name}" + ".study" * m.ispkg for room, m in every)
+    names = (f"{room}.{m.name}" for room, m in every if not m.ispkg)
     return _found(map(importlib.import_module, names))
 
 

@@ -32,10 +32,12 @@ from esea_gen.studies.uncertainty.study import (
     PARAMETERS,
     QUANTISATION,
     RATE,
+    RATES,
     TOGETHER,
+    TORQUES,
+    Tally,
     torque_uncertainty,
 )
-from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
 from tests.conftest import ROOT, require_tool
 from tests.observed import filtered
 

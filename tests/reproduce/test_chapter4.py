@@ -18,7 +18,7 @@ from esea_gen.reproduce.discretisation import (
     continuous_torque,
     discretisation,
 )
-from esea_gen.studies.uncertainty.signals import SIGNALS
+from esea_gen.studies.uncertainty.motions import SIGNALS
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P, viscosity
 

@@ -13,9 +13,9 @@ import esea_gen
 from esea_gen.cli import main
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.check import TorqueCheck
-from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
+    KnownLoad,
     largest_torque_Nm,
     load_range_Nm,
     procedure,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -32,13 +32,11 @@ from esea_gen.control.limits.safety import (
 )
 from esea_gen.control.limits.streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
 from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anything was delivered
 FADE, BRAKE = 0.8, 0.9  # shares of the largest speed: pushing on fades from the first to the second

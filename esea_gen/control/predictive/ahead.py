@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import reduce
 from itertools import accumulate, pairwise
 from operator import mul
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
@@ -13,13 +13,11 @@ import sympy as sp
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # A stiffness below this pulls by less than a thousandth of a Nm whatever the angle.
 LEAST_KP = 1e-4

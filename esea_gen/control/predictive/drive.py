@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import sympy as sp
@@ -15,14 +15,12 @@ from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import predictive_program
 from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.

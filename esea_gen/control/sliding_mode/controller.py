@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -35,15 +35,13 @@ from esea_gen.control.sliding_mode.surface import (
     switching_gain,
 )
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The share of the largest command by which the applied one may miss it before the integral rests.
 LIMITED_SHARE = 1e-3

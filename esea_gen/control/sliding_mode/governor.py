@@ -7,13 +7,14 @@ looked up ahead, and the set deflection smoothed over the same time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Equation,
@@ -26,9 +27,6 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.symbolic import equation
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # Delay of the smoothing: with less the motor's limit is still met at 3 Nm and 1 Hz, with more the
 # corners are rounded off (trials with 30, 50, 70, 90 ms: 0.48, 0.28, 0.19, 0.17 Nm there).

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.devices.fields import SlidingMode
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.model.rubber import stiffness_range_Nm_rad
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import SlidingMode
-    from esea_gen.devices.file import DeviceData
 
 Array = npt.NDArray[np.float64]
 

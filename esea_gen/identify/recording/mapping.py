@@ -39,17 +39,7 @@ FITTABLE = ("torque.lag_s", "deflection.backlash_rad", "deflection.dead_zone_rad
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A validated mapping with its origin.
-
-    Parameters
-    ----------
-    mapping : Mapping
-        Content.
-    origin : str
-        File name, for messages.
-    folder : Path
-        Folder that the recordings' paths are relative to.
-    """
+    """A validated mapping with its origin."""
 
     mapping: Mapping
     origin: str
@@ -71,13 +61,7 @@ class MappingFile:
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
     def fittable(self) -> dict[str, Quantity | None]:
-        """Numbers that may be left to the fit.
-
-        Returns
-        -------
-        dict of str to Quantity
-            By table and key, as ``torque.lag_s``; None for a key that is not there.
-        """
+        """Numbers that may be left to the fit."""
         found = {}
         for name in FITTABLE:
             table, key = name.split(".")
@@ -85,18 +69,7 @@ class MappingFile:
         return found
 
     def settled(self, numbers: Numbers[str, Quantity | None]) -> MappingFile:
-        """The same with other numbers.
-
-        Parameters
-        ----------
-        numbers : mapping of str to Quantity
-            By table and key as in :meth:`fittable`; None for a key that is left out.
-
-        Returns
-        -------
-        MappingFile
-            Of the same origin.
-        """
+        """The same with other numbers."""
         mapping = self.mapping
         for name, q in numbers.items():
             table, key = name.split(".")
@@ -105,18 +78,7 @@ class MappingFile:
         return replace(self, mapping=mapping)
 
     def paths(self) -> Iterator[tuple[Path, str, RecordingTable]]:
-        """Every file as (path, name as given, its table), patterns expanded and sorted.
-
-        Yields
-        ------
-        tuple
-            Path, name relative to the folder, table.
-
-        Raises
-        ------
-        UserError
-            When a file is missing, a pattern matches nothing, or a file is named twice.
-        """
+        """Every file as (path, name as given, its table), patterns expanded and sorted."""
         seen: set[Path] = set()
         for i, table in enumerate(self.mapping.recording):
             for name in table.files:
@@ -154,26 +116,7 @@ def _suggest(name: str, known: list[str]) -> str:
 
 
 def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> MappingFile:
-    """Read and validate a mapping file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-    data_folder : str or Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-
-    Returns
-    -------
-    MappingFile
-        Validated.
-
-    Raises
-    ------
-    UserError
-        When the file is missing or not TOML, or a key, unit, value or relation is wrong; the
-        message names file, key, value, limit and fix.
-    """
+    """Read and validate a mapping file."""
     path = Path(path)
     if not path.is_file():
         raise UserError(
@@ -188,25 +131,7 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 
 
 def parse_mapping(text: str, origin: str) -> Mapping:
-    """Validate the text of a mapping file.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    origin : str
-        File name for messages.
-
-    Returns
-    -------
-    Mapping
-        Validated.
-
-    Raises
-    ------
-    UserError
-        As :func:`load_mapping`.
-    """
+    """Validate the text of a mapping file."""
     document = parse_toml(text, origin, "docs/identify.md")
     mapping = checked(Mapping, document, origin, _fix, text)
     for key, q, extra in _quantities(mapping):

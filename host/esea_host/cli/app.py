@@ -35,7 +35,7 @@ GROUPS = {
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
     "People, studies and what comes of them": {
-        "study": "study session virtual",
+        "study": "study study_data session virtual",
         "assess": "assess",
         "analyse": "interaction wrist",
         "smoothness": "interaction",

@@ -287,7 +287,7 @@ def _source(
 
 
 def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
-    from esea_gen.studies.torque_check.load import KnownLoad
+    from esea_gen.studies.torque_check.procedure import KnownLoad
     from esea_host.interaction.on_board import ElementBoard, ProcessHands
 
     if (asked.mass is None) != (asked.lever is None):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,12 +26,6 @@ study_app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(study_app, name="study")
-
-
-class ExportForm(StrEnum):
-    rows = "rows"
-    parquet = "parquet"
-    bids = "bids"
 
 
 TaskOption = Annotated[
@@ -212,40 +205,6 @@ def audit(folder: FolderArgument) -> None:
     if problems:
         raise UserError(f"{folder}: {'; '.join(problems)}.", "Restore these files from a copy.")
     out.print("Every log is as it was written.")
-
-
-@study_app.command("delete")
-def delete(
-    folder: FolderArgument,
-    code: CodeArgument,
-    reason: ReasonOption = "",
-) -> None:
-    """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
-    if not reason:
-        raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(f"{code}: {opened(folder, runs=False).delete(code, reason)} files deleted")
-
-
-@study_app.command("export")
-def export(
-    folder: FolderArgument,
-    to: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
-    seed: Annotated[int, typer.Option("--seed", help="Of the order of the new codes.")] = 0,
-    as_: Annotated[
-        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
-    ] = ExportForm.rows,
-    trust: TrustOption = None,
-) -> None:
-    """Write scrubbed data for others: new codes, no notes, no times of day."""
-    from esea_host.study.exchange import to_bids, to_parquet
-    from esea_host.study.folder import StudyFolder
-
-    study = opened(folder, trust, runs=as_ is ExportForm.bids)
-    forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
-    written = forms.get(as_, StudyFolder.export)(study, to, seed)
-    out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
-    if study.left_out:
-        raise typer.Exit(1)
 
 
 def trusted(hashes: Iterable[str] | None) -> None:

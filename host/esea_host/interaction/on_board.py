@@ -15,7 +15,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
