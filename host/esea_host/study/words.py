@@ -99,7 +99,7 @@ def words_of(language: str, own: bytes = b"", origin: str = "") -> Words:
             raise UserError(
                 f"{origin}: {len(lacking)} texts of the language {language!r} are missing, such as "
                 f"{lacking[0]}.",
-                f"Copy {TEXTS.parent.name}/{TEXTS.name}/{ENGLISH}.toml, and translate all of it.",
+                f"Copy {TEXTS / ENGLISH}.toml, and translate all of it.",
             )
     return Words(language, texts)
 
