@@ -9,6 +9,7 @@ from html import escape
 from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
+    QGridLayout,
     QHBoxLayout,
     QHeaderView,
     QLabel,
@@ -64,7 +65,9 @@ class GaugeBar(QWidget):
         )
         name = " ".join(self.words.or_same("gauge", part) for part in g.name.split())
         painter.setPen(QColor(theme.alarm if self.near else theme.ink))
-        painter.drawText(0, 14, f"{name}: {now} {self.words.or_same('gauge', g.unit)}")
+        space = "" if g.unit == "deg" else "\u00a0"
+        unit = self.words.or_same("gauge", g.unit)
+        painter.drawText(0, 14, f"{name}: {now}{space}{unit}")
         painter.setPen(QColor(theme.soft))
         painter.drawText(0, 42, low)
         width = float(self.width() - 2)
@@ -120,21 +123,23 @@ class OperatorWindow(StopWindow):
         self.banner.setVisible(bool(self.banner.text()))
         self.stop_button.setText(self.words("operator.stop"))
         self.scene = SceneView(self.words)
-        self.scene.setMinimumSize(260, 260)
+        self.scene.setMinimumSize(200, 160)
         self.adverse = AdversePanel(self.conductor, self.words)
         self._build_trials()
         whose = row_of(self.banner, (self.who, 1))
         top = row_of((column_of(self.state, whose), 1), self.stop_button)
-        middle = row_of((self.trials, 3), (self._side(), 2))
-        self.fill(column_of(top, self.adverse, (middle, 1), self._bottom(), self.said))
+        middle = row_of((column_of(self.adverse, (self.trials, 1)), 3), (self._side(), 2))
+        self.fill(column_of(top, (middle, 1), self._bottom(), self.said))
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
         self.gauges = [GaugeBar(self.words) for _ in self.conductor.source.gauges()]
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        labels = self.now, self.timers, self.coming, self.advice
-        return column_of((self.scene, 3), *labels, *self.gauges, (self.happened, 2))
+        labels, gauges = (self.now, self.timers, self.coming, self.advice), QGridLayout()
+        for k, gauge in enumerate(self.gauges):  # of two axes side by side
+            gauges.addWidget(gauge, *divmod(k, max(1, len(self.gauges) // 2)))
+        return column_of((self.scene, 3), *labels, gauges, (self.happened, 2))
 
     def _build_trials(self) -> None:
         plan, words = self.conductor.plan, self.words
