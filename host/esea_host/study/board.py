@@ -151,6 +151,10 @@ class BoardSource(InputSource):
         self._first_ns: int | None = None
 
     @property
+    def simulated(self) -> bool:
+        return self.device.simulated
+
+    @property
     def board_ns(self) -> int:
         return self._rows.board_ns
 
@@ -164,7 +168,7 @@ class BoardSource(InputSource):
         """Whether it tells, zero and limits; armed where it is to be."""
         identity = self.device.identity
         found: dict[str, Any] = {
-            "simulated": self.device.simulated,
+            "simulated": self.simulated,
             "device": identity.device.name,
             "content_hash": identity.content_hash,
             "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
-from esea_host.study.session import ABORTED, PENDING, RUNNING
+from esea_host.study.session import ABORTED, PENDING, RUNNING, SessionState
 from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import TaskStep
 from esea_host.study.words import keyed
@@ -129,13 +130,15 @@ class Conductor(SessionWatcher):
         hold: bool = False,
         day: int | None = None,
         early: str = "",
+        rehearsal: Path | None = None,
+        device: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
         self.source, self.speed = source, speed
-        self._session = study.session(code, number, source, day, early)
-        marks = {"rehearsal": getattr(self._session, "rehearsal", False)}
-        marks["simulated"] = study.simulated
+        self._session = study.session(code, number, source, day, early, rehearsal, device)
+        session = self._session
+        marks = {"rehearsal": session.rehearsal, "simulated": session.simulated or study.simulated}
         # Both windows show it all the time.
         self.banner = "_".join(m for m, on in marks.items() if on)
         self.plan = self._session.state.plan
@@ -168,6 +171,11 @@ class Conductor(SessionWatcher):
         self._thread.join(timeout_s)
 
     @property
+    def state(self) -> SessionState:
+        """What the log says; while the session runs, what it said at the last look."""
+        return self._session.state
+
+    @property
     def over(self) -> bool:
         return self.phase == OVER
 
@@ -198,7 +206,7 @@ class Conductor(SessionWatcher):
         about = {"participant": self.code, "session": self.number}
         about |= {"trial": self.trial.number if self.trial else None}
         said = {"severity": severity, "relation": relation, "action": action, "text": text}
-        self.study.audit("adverse", **about, **said)
+        self.study.record("adverse", **about, **said)
         self._remarks.put(partial(self._session.say, "adverse", severity=severity))
         self._tell(keyed("happened.adverse", severity=keyed(f"adverse.{severity}")))
         self.said = keyed("adverse.recorded")

@@ -38,6 +38,7 @@ _MEANINGS = {
     "condition": "name of the condition",
     "catch": "whether it was a catch trial",
     "familiarisation": "whether it is not meant for analysis",
+    "simulated": "whether no real person, or no real device, was behind it",
 }
 TRACKED = "device"
 
