@@ -14,12 +14,14 @@ from typer.testing import CliRunner
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.study.conductor import HELD, PAUSED, Conductor
+from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Text
 from esea_host.study.session import replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, Situation, task_named
+from esea_host.windows.theme import BANNER_GROUND
 from tests.conducted import (
     EXAMPLE,
     TRACKING,
@@ -214,6 +216,98 @@ def test_a_stop_in_a_rest_aborts_no_trial(begin):
     ended(conductor)
     assert conductor.reason == "the participant asked"
     assert logged(conductor.study, "trial") == []
+
+
+def reported(operator, severity="mild", relation="possible", action="trial-stopped", text="cramp"):
+    """Fill in the part of the window for an adverse event, and record it."""
+    chosen = {"severity": severity, "relation": relation, "action": action}
+    for name, key in chosen.items():
+        box = operator.adverse.choices[name]
+        box.setCurrentIndex(box.findData(key))
+    operator.adverse.text.setText(text)
+    operator.adverse.record()
+    return chosen | {"text": text}
+
+
+def test_an_adverse_event_stops_the_trial_first_and_is_on_record(begin, windows, qtbot):
+    from PySide6.QtCore import Qt
+
+    conductor = begin(of_tasks(TRACKING), at=[(2, 0.5), (2, 0.5)])
+    _, operator = windows(conductor)
+    conductor.arrive()
+    panel, study = operator.adverse, conductor.study
+    qtbot.keyClick(operator, Qt.Key.Key_E)
+    assert panel.isVisible()
+    assert operator.stop_button.isVisible()
+    panel.record()
+    assert "choose severity" in panel.told.text()
+    operator.refresh()
+    qtbot.mouseClick(panel.stop_trial, Qt.MouseButton.LeftButton)
+    conductor.go.set()
+    until(lambda: conductor.phase == PAUSED)
+    assert (conductor.states[2], conductor.reasons[2]) == ("aborted", "adverse event")
+    given = reported(operator)
+    (event,) = [d for k, d in study.audited() if k == "adverse"]
+    assert event == {"participant": "P01", "session": 0, "trial": 2, **given}
+    operator.refresh()
+    assert (panel.isVisible(), panel.text.text()) == (False, "")
+    assert operator.said.text() == "The adverse event is recorded."
+    operator.pause()
+    conductor.arrive()  # the same trial, again
+    ended(conductor)
+    assert [r["trial"] for r in study.rows("P01")] == [1, 2, 3]
+    kinds = [k for k, _ in logged(study, "adverse", "trial_end")]
+    assert kinds == ["trial_end", "trial_end", "adverse", "trial_end", "trial_end"]
+    operator.refresh()
+    assert operator.buttons["open"].isEnabled()  # after the end, too
+    reported(operator, severity="severe")
+    assert [d["severity"] for k, d in study.audited() if k == "adverse"] == ["mild", "severe"]
+    assert study.problems() == []
+
+
+def test_an_adverse_event_that_cannot_be_written_stays_in_its_fields(begin, windows, monkeypatch):
+    conductor = begin(of_tasks(TRACKING), at=[(1, 0.5)])
+    _, operator = windows(conductor, language="de")
+    conductor.arrive()
+    operator.adverse.open()
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(conductor.study, "record", full)
+    reported(operator, text="Krampf")
+    assert "NICHT eingetragen" in operator.adverse.told.text()
+    assert "No space left" in operator.adverse.told.text()
+    assert operator.adverse.text.text() == "Krampf"
+    monkeypatch.undo()
+    operator.adverse.record()
+    assert [d["text"] for k, d in conductor.study.audited() if k == "adverse"] == ["Krampf"]
+    ended(conductor)
+
+
+@pytest.mark.parametrize(
+    ("real", "rehearsed", "mark"),
+    [(False, False, "SIMULIERT"), (True, True, "PROBELAUF, SIMULIERT"), (True, False, "")],
+)
+def test_both_windows_say_what_is_simulated_or_a_rehearsal(
+    tmp_path, windows, real, rehearsed, mark
+):
+    study = StudyFolder.create(tmp_path / "s", of_tasks(TRACKING), not real, by="Weber")
+    study.enrol("P01", consent=True, form="1")
+    source = SimulatedSource(3)
+    if real and not rehearsed:
+        source.simulated = False
+    log = study.new_rehearsal(0) if rehearsed else None
+    conductor = Conductor(study, "P01", 0, source, math.inf, rehearsal=log)
+    participant, operator = windows(conductor, language="de")
+    assert operator.windowTitle().startswith(f"{mark} - P01" if mark else "P01")
+    assert (operator.banner.text(), operator.banner.isVisible()) == (mark, bool(mark))
+    painted = participant.grab().toImage()
+    strip = [painted.pixelColor(x, painted.height() - 16) for x in range(painted.width())]
+    assert (BANNER_GROUND in {c.name() for c in strip}) == bool(mark)
+    conductor.start()
+    conductor.join(20)
+    assert conductor.error is None
 
 
 def test_the_group_is_not_shown_where_the_protocol_says_so(begin, windows):

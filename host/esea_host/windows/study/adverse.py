@@ -6,17 +6,18 @@ from PySide6.QtWidgets import QFrame, QLabel, QLineEdit
 
 from esea_gen.errors import UserError
 from esea_host.study.conductor import Conductor
+from esea_host.study.records import RELATIONS, SEVERITIES
 from esea_host.study.words import Words
 from esea_host.windows.frame import column_of, push_button, row_of
 from esea_host.windows.number_field import Choice
 from esea_host.windows.theme import LIGHT
 
-# Words as in MDCG 2020-10 for the relation; what is recorded is the key.
+# What is recorded is the key.
 CHOICES = {
-    "severity": ("mild", "moderate", "severe"),
-    "relation": ("not_related", "possible", "probable", "causal"),
+    "severity": SEVERITIES,
+    "relation": RELATIONS,
     "action": (
-        *("none", "trial_stopped", "session_stopped", "device_changed", "treated"),
+        *("none", "trial-stopped", "session-stopped", "device-changed", "treated"),
         "withdrawn",
     ),
 }
