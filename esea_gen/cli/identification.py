@@ -104,8 +104,8 @@ def identify(
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
+    from esea_gen.identify.published.fit import search_named
     from esea_gen.identify.published.search_problem import Searching
-    from esea_gen.identify.published.searches import search_named
 
     search_named(method)
     return Searching(method, jobs, resume, None if draw is None else _Drawing(draw).seen)
@@ -118,7 +118,7 @@ class _Drawing:
         self.path, self.drawn_s = path, -math.inf
 
     def seen(self, best: PresentBest, last: bool) -> None:
-        from esea_gen.report.pictures import search_picture
+        from esea_gen.report.figures import search_picture
 
         if last or time.monotonic() - self.drawn_s > LEAST_BETWEEN_S:
             picture(self.path, lambda: search_picture(best))
@@ -226,7 +226,7 @@ def reliability(
 ) -> None:
     """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
     if table.suffix == ".toml":
-        from esea_gen.identify.specimens import joint_fit
+        from esea_gen.identify.reliability import joint_fit
 
         with progress_share() as tell:
             joint = joint_fit(table, data, tell)
@@ -360,7 +360,7 @@ def friction(
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
     from esea_gen.identify.drive.friction import fit_friction, read_run
-    from esea_gen.report.pictures import friction_picture
+    from esea_gen.report.figures import friction_picture
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out go together.", "Give both, or neither.")

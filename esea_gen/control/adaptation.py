@@ -12,14 +12,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.fields import Adaptation
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -29,7 +27,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 STOP_NM = 0.8
@@ -60,7 +58,7 @@ def adaptation(device: DeviceData) -> Block:
         "Wish for the rubber at hand, learnt with a known mass",
         constants=device.constants("adaptation"),
         prepare=vars,
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         streams=STREAMS,
     )
 
@@ -299,27 +297,16 @@ class _Adaptation:
         )
 
 
-def _equations() -> tuple[Equation, ...]:
-    x, e, f, r = sp.symbols("x E F r")
-    gain, loss, offset, tau = sp.symbols("a c o tau_e")
-    weight, arm, alpha, damping, omega = sp.symbols("tau_M J_M alpha d_M omega_l")
-    rate, h, missed = sp.symbols("L h e")
-    return (
-        equation(
-            "[adapt 1]",
-            "x",
-            weight + arm * alpha + damping * omega,
-            "known torque; tau_M is the weight times the sine of its angle",
-        ),
-        equation("[adapt 2]", "E", x - sp.Max(sp.Min(f, x + r), x - r), "stop operator, r 0.8 Nm"),
-        equation("[adapt 3]", "e", tau - (gain * x + loss * e + offset), "missed by the model"),
-        equation("[adapt 4]", "a_k+1", gain + SHARES[0] * rate * h * missed * x, "gain, by LMS"),
-        equation("[adapt 5]", "c_k+1", loss + SHARES[1] * rate * h * missed * e, "loss"),
-        equation("[adapt 6]", "o_k+1", offset + SHARES[2] * rate * h * missed, "offset"),
-        equation(
-            "[adapt 7]", "tau_model", gain * sp.Symbol("tau_d") + loss * e + offset, "wish, E of it"
-        ),
-    )
+EQUATIONS = """
+    [adapt 1] | x | tau_M + J_M * alpha + d_M * omega_l | known torque; \
+        tau_M is the weight times the sine of its angle
+    [adapt 2] | E | x - Max(Min(F, x + r), x - r) | stop operator, r 0.8 Nm
+    [adapt 3] | e | tau_e - (a * x + c * E + o) | missed by the model
+    [adapt 4] | a_k+1 | a + 0.5 * L * h * e * x | gain, by LMS
+    [adapt 5] | c_k+1 | c + L * h * e * E | loss
+    [adapt 6] | o_k+1 | o + 0.5 * L * h * e | offset
+    [adapt 7] | tau_model | a * tau_d + c * E + o | wish, E of it
+"""
 
 
 COUNT = 1600

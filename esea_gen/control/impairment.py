@@ -27,7 +27,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1
@@ -46,6 +46,12 @@ TAU_MAX = sp.Symbol("tau_max", positive=True)
 DEPTH = sp.Max(THETA - WALL, 0)
 PUSH = sp.Max(KP * (THETA - WALL) + KD * OMEGA, 0)
 RESISTANCE = -KV * OMEGA
+
+
+EQUATIONS = """
+    (7.1) | W | wall | push of the wall, with the sign put right
+    (7.2) | tau | total | held at the allowed torque
+"""
 
 
 def has_wall(device: DeviceData, axis: str) -> bool:
@@ -161,12 +167,9 @@ class _Impairment:
         }
 
     def equations(self) -> tuple[Equation, ...]:
-        shown = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
+        wall = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
         total = sp.Max(sp.Min(RESISTANCE - sp.Symbol("W"), TAU_MAX), -TAU_MAX)
-        return (
-            equation("(7.1)", "W", shown, "push of the wall, with the sign put right"),
-            equation("(7.2)", "tau", total, "held at the allowed torque"),
-        )
+        return equations(EQUATIONS, wall=wall, total=total)
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.devices.fields import PassiveInteraction
@@ -23,7 +22,6 @@ from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
     Constant,
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -34,7 +32,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import filter_delay_s
 
@@ -70,7 +68,7 @@ def passivity(device: DeviceData) -> Block:
         "Damping that a law lacks, and a bound of the energy that the drive gives",
         constants=(*device.constants("passivity"), *law.constants()),
         prepare=lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J},
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         streams=STREAMS,
     )
 
@@ -339,24 +337,18 @@ class _Passivity:
         )
 
 
-def _equations() -> tuple[Equation, ...]:
-    tau, tau_w, kd, w = sp.symbols("tau_e tau_w K_d omega_l")
-    P, N, b0, b1, b = sp.symbols("P N b_0 b_1 b")
-    gamma, n0, tr = sp.symbols("gamma n_0 T_r")
-    E, d, J, wm, big, late, v = sp.symbols("E Delta_theta_m J omega_m Omega T v")
-    h, k, n, m, most, extra = sp.symbols("h kappa n m E_m epsilon")
-    base = E + J * wm**2 / 2 + big * n * late * v
-    rises = (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0)
-    given = sp.Max(0, E + tau * d - sp.Max(0, tau_w * d))
-    let_by = (most - base) / (big * n * h * (1 + extra + k))
-    return (
-        equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
-        equation("[pas 2]", "b_felt", -P / N, "damping that the hand feels, by the error"),
-        equation("[pas 3]", "b'", rises, "damping that is added, between 0 and b_1"),
-        equation("[pas 4]", "E", given, "energy that was given"),
-        equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
-        equation("[pas 6]", "u_most", let_by, "largest command let by"),
-    )
+EQUATIONS = """
+    [pas 1] | e | tau_e - tau_w - K_d * omega_l | torque beyond what is wanted
+    [pas 2] | b_felt | -P / N | damping that the hand feels, by the error
+    [pas 3] | b' | (gamma * (P + b_0 * N) + (b_1 - b) * n_0 / T_r) / (N + n_0) | \
+        damping that is added, between 0 and b_1
+    [pas 4] | E | Max(0, E + tau_e * Delta_theta_m - Max(0, tau_w * Delta_theta_m)) | \
+        energy that was given
+    [pas 5] | V | E + J * omega_m**2 / 2 + Omega * n * T * v + Omega * n * h * kappa * m | \
+        given, and what may still follow
+    [pas 6] | u_most | (E_m - E - J * omega_m**2 / 2 - Omega * n * T * v) \
+        / (Omega * n * h * (1 + epsilon + kappa)) | largest command let by
+"""
 
 
 def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:

@@ -14,7 +14,6 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -24,7 +23,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
 
 OFF, TORQUE, IMPEDANCE = 0.0, 1.0, 2.0
@@ -35,6 +34,12 @@ THETA_D, OMEGA_D, THETA_L, OMEGA_L, TAU_D = sp.symbols(
 )
 # (5.24) with the sign of a stiffness: the coupling's torque acts + on the load.
 IMPEDANCE_LAW = TAU_D + KP * (THETA_D - THETA_L) + KD * (OMEGA_D - OMEGA_L)
+
+EQUATIONS = """
+    (5.24), sign of a stiffness | tau_law | law | impedance law
+    [blend] | tau_set | tau_law + o{k-1} * exp(-h / T_b) | \
+        offset from where the torque was at the change of mode, fading
+"""
 
 BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
@@ -68,6 +73,7 @@ def reference(device: DeviceData) -> Block:
             around("offset_Nm", law.widest, text),
             around("tau_set_Nm", law.full_scale, "set torque of the last step"),
         ),
+        equations=equations(EQUATIONS, law=IMPEDANCE_LAW),
         streams=STREAMS,
     )
 
@@ -219,14 +225,6 @@ class _Reference:
                 Flag("CLIPPED", clipped, True, ("tau_set_Nm",), self.full_scale),
                 Flag("ENTERED", "a law took over in this step, from where the torque was"),
             ),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        law, offset, h, blend = sp.symbols("tau_law o_k-1 h T_b")
-        text = "offset from where the torque was at the change of mode, fading"
-        return (
-            equation("(5.24), sign of a stiffness", "tau_law", IMPEDANCE_LAW, "impedance law"),
-            equation("[blend]", "tau_set", law + offset * sp.exp(-h / blend), text),
         )
 
 

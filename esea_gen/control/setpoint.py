@@ -6,12 +6,10 @@ from types import SimpleNamespace
 from typing import Any, Literal, get_args
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -21,7 +19,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.model.filters import triple_pole_gains, triple_pole_ports
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 Kind = Literal["observer", "differences"]
@@ -38,7 +36,13 @@ def setpoint_rates(device: DeviceData, kind: Kind = "observer") -> Block:
         raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
     law = (_SetObserver if kind == "observer" else _Differences)(device)
     constants = device.constants("timing")
-    return Block.of(law, "setpoint_rates", f"{TITLE}: {law.by}", constants=constants)
+    return Block.of(
+        law,
+        "setpoint_rates",
+        f"{TITLE}: {law.by}",
+        constants=constants,
+        equations=equations(law.shown),
+    )
 
 
 TITLE = "Rate and acceleration of the deflection set-point"
@@ -46,6 +50,7 @@ TITLE = "Rate and acceleration of the deflection set-point"
 
 class _SetRates:
     held: str
+    shown: str
 
     def __init__(self, device: DeviceData) -> None:
         drive = drive_of(device)
@@ -79,6 +84,12 @@ class _SetRates:
 
 class _SetObserver(_SetRates):
     by, held = "tracking observer", "held_rad"
+    shown = """
+        [set 1] | alpha | 1 - p**3 | position gain; p the pole, q = 1 - p
+        [set 2] | beta | 3/2 * q**2 * (1 + p) / h | rate gain
+        [set 3] | gamma | q**3 / h**2 | acceleration gain
+        [set 4] | delta | delta_p + alpha * e | update
+    """
 
     def __init__(self, device: DeviceData) -> None:
         super().__init__(device)
@@ -136,18 +147,13 @@ class _SetObserver(_SetRates):
             around("acc_rad_s2", self.acc_room, "its acceleration"),
         )
 
-    def equations(self) -> tuple[Equation, ...]:
-        e, p, q, hs = sp.symbols("e p q h")
-        return (
-            equation("[set 1]", "alpha", 1 - p**3, "position gain; p the pole, q = 1 - p"),
-            equation("[set 2]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "rate gain"),
-            equation("[set 3]", "gamma", q**3 / hs**2, "acceleration gain"),
-            equation("[set 4]", "delta", sp.Symbol("delta_p") + sp.Symbol("alpha") * e, "update"),
-        )
-
 
 class _Differences(_SetRates):
     by, held = "plain differences", "delta_rad"
+    shown = """
+        [set 1] | delta' | (delta_k - delta{k-1}) / h | first difference
+        [set 2] | delta'' | (delta_k - 2 * delta{k-1} + delta{k-2}) / h**2 | second difference
+    """
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         per_s = 1 / self.h
@@ -177,11 +183,4 @@ class _Differences(_SetRates):
             Port("moving", 0.0, 1.0, "1 once a rate is known"),
             around("delta_rad", self.delta_lim, "set-point of the last step"),
             around("rate_rad_s", self.rate_lim, "rate of the last step"),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        d_k, d_1, d_2, hs = (sp.Symbol(n) for n in ("delta_k", "delta_k-1", "delta_k-2", "h"))
-        return (
-            equation("[set 1]", "delta'", (d_k - d_1) / hs, "first difference"),
-            equation("[set 2]", "delta''", (d_k - 2 * d_1 + d_2) / hs**2, "second difference"),
         )

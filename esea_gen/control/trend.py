@@ -9,12 +9,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -24,7 +22,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 # On the standard plant 4 Hz lags by too much at 1.5 Hz (0.15 Nm), 24 Hz gives no more than 16.
@@ -62,7 +60,7 @@ def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend")
             Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
         ),
         inputs=(around("tau_wanted_Nm", law.tau_lim, "wanted torque now", on_invalid="last_Nm"),),
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         streams=OwnStreams(_events),
     )
 
@@ -207,20 +205,14 @@ def faded(t_s: float) -> tuple[float, float]:
     return by_rate, FADE_S * (by_rate - t_s * left)
 
 
-def _equations() -> tuple[Equation, ...]:
-    p, q, q0, h, nu, eps = sp.symbols("p q q_0 h nu epsilon")
-    r, a, t, fade = sp.symbols("r a t T_f", positive=True)
-    half = sp.Symbol("nu_h")
-    x = sp.Symbol("x")
-    share = 1 / (1 + (nu / (sp.Integer(10) * half)) ** 2)
-    path = sp.Integral((r + a * x) * sp.exp(-x / fade), (x, 0, t))
-    return (
-        equation("[trend 1]", "q", q0 / (1 + nu / half), "nu: mean second difference; p = 1 - q"),
-        equation("[trend 2]", "epsilon_+", p**3 * eps, "what the observer still misses"),
-        equation("[trend 3]", "r_+", r + h * a + sp.Rational(3, 2) * q**2 * (1 + p) / h * eps, ""),
-        equation("[trend 4]", "a_+", a + q**3 / h**2 * eps, "rate and acceleration"),
-        equation("[trend 5]", "tau(t)", sp.Symbol("tau_d") + share * path, "along the horizon"),
-    )
+EQUATIONS = """
+    [trend 1] | q | q_0 / (1 + nu / nu_h) | nu: mean second difference; p = 1 - q
+    [trend 2] | epsilon_+ | p**3 * epsilon | what the observer still misses
+    [trend 3] | r_+ | r + h * a + 3/2 * q**2 * (1 + p) / h * epsilon |
+    [trend 4] | a_+ | a + q**3 / h**2 * epsilon | rate and acceleration
+    [trend 5] | tau(t) | tau_d + 1 / (1 + (nu / (10 * nu_h))**2) \
+        * Integral((r + a * x) * exp(-x / T_f), (x, 0, t)) | along the horizon
+"""
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -465,7 +465,6 @@ def models_of(annotation: Any) -> list[type[BaseModel]]:
 
 
 def section_at(names: Iterable[str]) -> type[BaseModel] | None:
-    """The section that a path of keys leads to."""
     model: type[BaseModel] = DeviceFile
     for name in names:
         field = model.model_fields.get(name.partition("[")[0])

@@ -101,7 +101,6 @@ class DeviceData:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of :meth:`canonical`, hexadecimal."""
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
     def toml(self) -> str:
@@ -109,13 +108,11 @@ class DeviceData:
 
 
 def shipped_devices() -> dict[str, Path]:
-    """Device files that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 
 
 def read_file(name_or_path: str | Path) -> tuple[str, str]:
-    """Text of a device file."""
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
@@ -128,7 +125,6 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def shipped_controllers() -> dict[str, Path]:
-    """Configurations of control laws that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices" / "controllers"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 

@@ -57,12 +57,10 @@ def number(low: float, high: float, text: str, *, whole: bool = False, **more: A
 
 
 def optional(low: float, high: float, text: str, *, whole: bool = False) -> Any:
-    """A number that may be left out."""
     return number(low, high, text, whole=whole, default=None)
 
 
 def table(text: str) -> Any:
-    """A table that may be left out."""
     return Field(default=None, description=text)
 
 

@@ -13,8 +13,8 @@ from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import EPS2_DEFAULT, at_bound, with_parameters
-from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.published.plant import Uncertainty
+from esea_gen.identify.published.space import EPS2_DEFAULT, at_bound, with_parameters
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.reading import MAX_TAU_NM, MAX_THETA_RAD

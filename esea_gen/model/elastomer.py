@@ -24,6 +24,7 @@ import sympy as sp
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
+    Equation,
     Flag,
     Port,
     Tunable,
@@ -33,7 +34,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.model.plays import STREAMS
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 
 THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
 K1, K3, KV = sp.symbols("k_1 k_3 k_v", positive=True)
@@ -327,46 +328,40 @@ def _as_tunable(device: DeviceData, key: str) -> Tunable:
     return Tunable(key, q.value, extra["low"], extra["high"], extra["text"], q.source, q.status)
 
 
-def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Any, ...]:
-    e = sp.Symbol("E_i")
-    tau_s, tau_r, tau_h = sp.symbols("tau_s tau_r tau_h")
-    x, s = sp.symbols("x sigma")
-    theta_k, theta_p = sp.Symbol("theta_k"), sp.Symbol("theta_k-1")
-    beyond: tuple[Any, ...] = ()
-    standing: dict[sp.Symbol, sp.Symbol] = {}
-    if dead_zone:
-        gated = sp.Piecewise((RATE, sp.Abs(theta_p) > DEAD_ZONE), (0, True))
-        text = "deflection beyond the dead zone; stands for theta in what follows"
-        beyond = (
-            equation("(8.7/8.8)", "delta", BEYOND, text),
-            equation("[gate]", "omega_delta", gated, "its rate, from where the step starts"),
-        )[: 2 if rate_terms else 1]
-        standing = {THETA: DELTA, RATE: RATE_DELTA}
-        theta_k, theta_p = sp.Symbol("delta_k"), sp.Symbol("delta_k-1")
-    f_p, tau_p = sp.Symbol("F_i,k-1"), sp.Symbol("tau_r,k-1")
-    p_i, r_i = sp.symbols("p_i r_i")
-    total = tau_s + tau_r + tau_h if rate_terms else tau_s + tau_h
-    hysteresis = sp.Sum(p_i * e, (INDEX, 1, sp.Symbol("N")))
-    play = sp.Max(sp.Min(f_p, theta_k + r_i), theta_k - r_i)
-    common = (
-        equation("(3.1)", "tau_e", total, "torque: spring, rate terms, hysteresis"),
-        equation("(3.2)", "tau_s", TAU_S.subs(standing), "cubic spring"),
-        equation("(3.9)", "tau_h", hysteresis, "hysteresis"),
-        equation("(3.10)", "p_i", STOP_WEIGHT.subs(RADIUS, r_i), "weight of a stop operator"),
-        equation("(3.11)", "r_i", SPACING * INDEX, "threshold of a stop operator"),
-        equation(
-            "(3.5-3.7), play form", "F_i", play, "stop operator E = theta - F, nothing summed"
-        ),
-    )
-    if not rate_terms:
-        return beyond + common
-    maxwell = (tau_p + KV * (theta_k - theta_p) * s) / (1 + x * s)
-    eta, steps = ETA.subs(standing), "Maxwell element, exponential step, series of third order"
-    return (
-        *beyond,
-        *common,
-        equation("(3.3)", "tau_r", maxwell, steps),
-        equation("[series]", "sigma", 1 + x / 2 + x**2 / 6, "(exp(x) - 1)/x to third order"),
-        equation("[step]", "x", DT * KV / sp.Symbol("eta"), "step over time constant"),
-        equation("(3.4)", "eta", eta, "viscosity, from mid-step deflection and rate"),
+COMMON = """
+    (3.1) | tau_e | {total} | torque: spring, rate terms, hysteresis
+    (3.2) | tau_s | spring | cubic spring
+    (3.9) | tau_h | Sum(p_i * E_i, (i, 1, N)) | hysteresis
+    (3.10) | p_i | weight | weight of a stop operator
+    (3.11) | r_i | omega * i | threshold of a stop operator
+    (3.5-3.7), play form | F_i | Max(Min(F{{i,k-1}}, {now} + r_i), {now} - r_i) | \
+        stop operator E = theta - F, nothing summed
+"""
+MAXWELL = """
+    (3.3) | tau_r | (tau{{r,k-1}} + k_v * ({now} - {last}) * sigma) / (1 + x * sigma) | \
+        Maxwell element, exponential step, series of third order
+    [series] | sigma | 1 + x / 2 + x**2 / 6 | (exp(x) - 1)/x to third order
+    [step] | x | h * k_v / eta | step over time constant
+    (3.4) | eta | eta | viscosity, from mid-step deflection and rate
+"""
+BEYOND_ZONE = """
+    (8.7/8.8) | delta | beyond | deflection beyond the dead zone; stands for theta in what follows
+"""
+GATE = """
+    [gate] | omega_delta | Piecewise((omega_m, Abs(theta{{k-1}}) > theta_dz), (0, true)) | \
+        its rate, from where the step starts
+"""
+
+
+def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Equation, ...]:
+    standing = {THETA: DELTA, RATE: RATE_DELTA} if dead_zone else {}
+    rows = (BEYOND_ZONE + GATE * rate_terms) * dead_zone + COMMON + MAXWELL * rate_terms
+    angle = "delta" if dead_zone else "theta"
+    total = "tau_s + tau_r + tau_h" if rate_terms else "tau_s + tau_h"
+    return equations(
+        rows.format(total=total, now=f"{angle}_k", last=f"{angle}{{k-1}}"),
+        beyond=BEYOND,
+        spring=TAU_S.subs(standing),
+        weight=STOP_WEIGHT.subs(RADIUS, sp.Symbol("r_i")),
+        eta=ETA.subs(standing),
     )

@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
 from esea_gen.devices.file import DeviceData
@@ -32,7 +31,7 @@ from esea_gen.language.ports import (
     status_port,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 
 Side = Literal["motor", "load"]
 SIDES: tuple[Side, ...] = ("motor", "load")
@@ -126,6 +125,23 @@ def _middle(device: DeviceData) -> float:
     return (low + high) / 2
 
 
+EQUATIONS = """
+    [wrap] | w | Piecewise((d + F, d < -F / 2), (d - F, d > F / 2), (d, true)) | \
+        step, wrapped to half a turn; F counts a turn
+    [reach] | Abs(w) | d_max * (k + 1) | largest believable step after k bad frames
+"""
+PLAIN = """
+    [angle] | theta | sigma * (2 * pi * (n + c / F)) - theta_0 | \
+        joint angle: n turns, count c, direction sigma, zero
+"""
+CORRECTED = """
+    [angle] | theta | sigma * (2 * pi * (n + c / F) + e_c) - theta_0 | \
+        joint angle: n turns, count c, direction sigma, zero
+    [table] | e_c | e_0 + Sum(r_i * Min(Max(x - i, 0), 1), (i, 0, N - 1)) | \
+        correction: x = N c / F, rise r_i a cell
+"""
+
+
 # With c the last good count, a frame is good when its word is 0 and its wrapped step from c is at
 # most the largest believable one times the frames since.  At the start the turn is the one within
 # half a turn of the middle of the range of motion, and SETTLED frames in a row must agree.  After
@@ -149,7 +165,7 @@ def encoder(device: DeviceData, side: Side) -> Block:
             Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
-        equations=_equations(bool(front.table)),
+        equations=equations(EQUATIONS + (CORRECTED if front.table else PLAIN)),
         streams=STREAMS,
     )
 
@@ -317,31 +333,6 @@ def _constants(
         given("step_max_counts", step_max, own.step_max_rad, by_speed, "derived"),
         given("held_max", held_max, own.held_max, bridged, "assumed"),
     )
-
-
-def _equations(table: bool) -> tuple[Any, ...]:
-    n, c, d, f = sp.symbols("n c d F")
-    w, theta, zero, s, k = sp.symbols("w theta theta_0 sigma k")
-    wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
-    place, rise = sp.Symbol("x"), sp.Symbol("r_i")
-    i, size = sp.Symbol("i"), sp.Symbol("N")
-    reach, turned = sp.Symbol("d_max") * (k + 1), 2 * sp.pi * (n + c / f)
-    turned = turned + (sp.Symbol("e_c") if table else 0)
-    out = [
-        equation("[wrap]", "w", wrap, "step, wrapped to half a turn; F counts a turn"),
-        equation("[reach]", sp.Abs(w), reach, "largest believable step after k bad frames"),
-        equation(
-            "[angle]",
-            theta,
-            s * turned - zero,
-            "joint angle: n turns, count c, direction sigma, zero",
-        ),
-    ]
-    if table:
-        part = sp.Min(sp.Max(place - i, 0), 1)
-        total = sp.Symbol("e_0") + sp.Sum(rise * part, (i, 0, size - 1))
-        out.append(equation("[table]", "e_c", total, "correction: x = N c / F, rise r_i a cell"))
-    return tuple(out)
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

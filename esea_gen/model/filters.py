@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
@@ -21,7 +20,7 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 # The viscosity is steepest at rate zero: with the general aim q31's rate comes to rest 3e-5 rad/s
@@ -48,6 +47,13 @@ def triple_pole_ports(h: float) -> tuple[Port, ...]:
     )
 
 
+EQUATIONS = """
+    [obs 1] | v_k | v + h * a + beta * e | rate
+    [obs 2] | omega_m | v + h * a / 2 | rate in the middle of the step
+    [obs 3] | beta | 3/2 * q**2 * (1 + p) / h | velocity gain
+"""
+
+
 # A constant acceleration leaves no steady error.  The rate for the middle of the coming step is
 # from past samples only: the viscosity then holds nothing of theta(k), which keeps the sensor's
 # inverse unique.
@@ -56,18 +62,13 @@ def tracking_observer(
 ) -> Block:
     """Third-order tracking observer (Kalata 1984) with a triple real pole."""
     law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
-    p, q, hs, e, v, a = sp.symbols("p q h e v a")
     return Block.of(
         law,
         "velocity" if joint_rad is None else "joint_rate",
         f"{law.what.capitalize()} rate: third-order tracking observer",
         constants=device.constants("timing"),
         coefficients=triple_pole_ports(law.h),
-        equations=(
-            equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
-            equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
-            equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
-        ),
+        equations=equations(EQUATIONS),
     )
 
 

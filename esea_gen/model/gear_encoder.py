@@ -10,7 +10,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
@@ -18,9 +17,17 @@ from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 
 WHOLE = 1 << 24  # every number format holds whole numbers below exactly
+
+
+EQUATIONS = """
+    [wrap] | w | Piecewise((d + F, d < -F / 2), (d - F, d > F / 2), (d, true)) | \
+        step, the short way round; F counts a turn
+    [angle] | theta_g | 2 * pi / (F * i) * Sum(w_k, (k, 1, n)) | \
+        turned since the start, at the joint; ratio i
+"""
 
 
 # A bad frame, or one farther away than the drive can be, is bridged.  After more than can be
@@ -37,6 +44,7 @@ def gear_encoder(device: DeviceData) -> Block:
             Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         ),
+        equations=equations(EQUATIONS),
         streams=OwnStreams(_events),
     )
 
@@ -164,15 +172,6 @@ class _GearEncoder:
                 Flag("NOT_USABLE", lost, True),
                 Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
             ),
-        )
-
-    def equations(self) -> tuple[Any, ...]:
-        n, f, d = sp.symbols("n F d")
-        wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
-        turned = 2 * sp.pi / (f * sp.Symbol("i")) * sp.Sum(sp.Symbol("w_k"), (sp.Symbol("k"), 1, n))
-        return (
-            equation("[wrap]", "w", wrap, "step, the short way round; F counts a turn"),
-            equation("[angle]", "theta_g", turned, "turned since the start, at the joint; ratio i"),
         )
 
 

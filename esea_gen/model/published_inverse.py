@@ -25,7 +25,7 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
 from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 
 FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
 
@@ -38,7 +38,7 @@ FILTER_B = (0.024, 0.12, 0.23, 0.20, 0.0, -0.12, 0.0, 0.20, 0.23, 0.12, 0.024)
 # Inside the rounding of the printed digits, and what reproduces the published tables.
 KAPPA_ROUNDING_RAD, FILTER_B_ROUNDING_GAIN = 0.10635, 1.0165
 
-KAPPA, PHI, CHI, PLAY_R, PLAY_J = sp.symbols("kappa phi chi r j", positive=True)
+KAPPA, PHI, PLAY_R = sp.symbols("kappa phi r", positive=True)
 
 PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
@@ -130,7 +130,11 @@ def published_inverse(
         constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
         **_tunable_plays(inverse.plays) if tunable else {},
         inputs=(request_port(inverse.tau_lim),),
-        equations=_published_equations(bool(inverse.taps)),
+        equations=equations(
+            PLAY_EQUATIONS + OBSERVER_EQUATIONS * bool(inverse.taps),
+            weight=PLAY_WEIGHT.subs(PLAY_R, sp.Symbol("r_j")),
+            root=ROOT_WHOLE,
+        ),
         facts=facts,
         split=split,
     )
@@ -259,25 +263,16 @@ class _Published:
         return (plays, past, *self.forward.state)
 
 
-def _published_equations(observer: bool) -> tuple[Any, ...]:
-    f_j, gamma, p_j, r_j = sp.symbols("F_j gamma p_j r_j")
-    f_p = sp.Symbol("F_j,k-1")
-    j, n = sp.Symbol("j"), sp.Symbol("N")
-    play = sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p))
-    out = (
-        equation("(4.7), as meant", "theta_d", sp.Sum(p_j * f_j, (j, 1, n)), "set-point"),
-        equation("(4.8)", "p_j", PLAY_WEIGHT.subs(PLAY_R, r_j), "weight of a play operator"),
-        equation("(4.9)", "r_j", CHI * PLAY_J, "threshold of a play operator"),
-        equation("(4.10, 4.11)", "F_j", play, "play operator round the envelope"),
-        equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
-    )
-    if not observer:
-        return out
-    d, q_i, e_i = sp.symbols("d q_i e_k-1-i")
-    i = sp.Symbol("i")
-    return (
-        *out,
-        equation("[DOB 1]", "u", sp.Symbol("tau_d") - d, "corrected request"),
-        equation("[DOB 2]", "d", sp.Sum(q_i * e_i, (i, 0, n)), "low-pass of past differences"),
-        equation("[DOB 3]", "e", sp.Symbol("tau_act") - sp.Symbol("u"), "new difference"),
-    )
+PLAY_EQUATIONS = """
+    (4.7), as meant | theta_d | Sum(p_j * F_j, (j, 1, N)) | set-point
+    (4.8) | p_j | weight | weight of a play operator
+    (4.9) | r_j | chi * j | threshold of a play operator
+    (4.10, 4.11) | F_j | Max(gamma - r_j, Min(gamma + r_j, F{j,k-1})) | \
+        play operator round the envelope
+    (4.13), stable form | |gamma| | root | envelope: inverse of the cubic
+"""
+OBSERVER_EQUATIONS = """
+    [DOB 1] | u | tau_d - d | corrected request
+    [DOB 2] | d | Sum(q_i * e{k-1-i}, (i, 0, N)) | low-pass of past differences
+    [DOB 3] | e | tau_act - u | new difference
+"""

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.devices.fields import Cable, Redundancy
 from esea_gen.devices.file import DeviceData
@@ -15,7 +14,6 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
-    Equation,
     Flag,
     Port,
     around,
@@ -23,7 +21,7 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
@@ -72,7 +70,7 @@ def cable_observer(device: DeviceData) -> Block:
         law,
         "cable",
         "Cable between gear and motor side: winding and backlash",
-        equations=_equations(),
+        equations=equations(EQUATIONS),
     )
 
 
@@ -211,17 +209,11 @@ class _Cable:
         )
 
 
-def _equations() -> tuple[Equation, ...]:
-    g, m, tau, k, tau_0 = sp.symbols("theta_g theta_m tau_e k_c tau_0")
-    low, high, seen, end, rate, h = sp.symbols("z_low z_high z z_e L h")
-    inside = sp.Max(low, sp.Min(high, seen))
-    lies = sp.Piecewise((high, tau > tau_0), (low, tau < -tau_0), (inside, True))
-    learnt = (1 - sp.exp(-rate * h)) * (seen - end)
-    return (
-        equation("[cable 1]", "z", g - m - tau / k, "where in the gap the cable lies"),
-        equation("[cable 2]", "z_e", lies, "at an end while torque says so, else between both"),
-        equation(
-            "[cable 3]", "dz_end", learnt, "the end at which it lies is learnt; b = z_high - z_low"
-        ),
-        equation("[cable 4]", "w", end - (high + low) / 2 + tau / k, "winding"),
-    )
+EQUATIONS = """
+    [cable 1] | z | theta_g - theta_m - tau_e / k_c | where in the gap the cable lies
+    [cable 2] | z_e | Piecewise((z_high, tau_e > tau_0), (z_low, tau_e < -tau_0), \
+        (Max(z_low, Min(z_high, z)), true)) | at an end while torque says so, else between both
+    [cable 3] | dz_end | (1 - exp(-L * h)) * (z - z_e) | \
+        the end at which it lies is learnt; b = z_high - z_low
+    [cable 4] | w | z_e - (z_high + z_low) / 2 + tau_e / k_c | winding
+"""

@@ -23,7 +23,7 @@ from esea_gen.language.ports import (
     clip,
     status_port,
 )
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import cutoff_range, filter_delay_s
 
@@ -33,6 +33,14 @@ SIG = sp.tanh(OMEGA_M / WIDTH)
 # (5.2) without its disturbance, and with it: the sliding mode controller solves the same line.
 MODEL_ACCELERATION = (N * U_A - FV * OMEGA_M - FC * SIG - TAU_E) / J
 ACCELERATION = MODEL_ACCELERATION + D4
+
+EQUATIONS = """
+    (5.1) | tau_c u_a' | u_c - u_a | lag of the motor's torque
+    (5.2) | a_model | model | motion of the motor side
+    (5.5) | d_4,k | d{4,k-1} + (1 - exp(-L * h)) \
+        * ((omega{m,k} - omega{m,k-1}) / h - a_model - d{4,k-1}) | \
+        disturbance: a lag of bandwidth L behind what the model leaves unexplained
+"""
 
 MOVED_S = 0.1  # decay of the largest acceleration: longer than a swing of the cable
 # Largest product of an observer's bandwidth and its velocity filter's delay.
@@ -274,15 +282,7 @@ class _DriveObserver:
         )
 
     def equations(self) -> tuple[Equation, ...]:
-        d_p, h_s, bandwidth = sp.Symbol("d_4,k-1"), sp.Symbol("h"), sp.Symbol("L")
-        rise = (sp.Symbol("omega_m,k") - sp.Symbol("omega_m,k-1")) / h_s
-        following = d_p + (1 - sp.exp(-bandwidth * h_s)) * (rise - sp.Symbol("a_model") - d_p)
-        lag = "disturbance: a lag of bandwidth L behind what the model leaves unexplained"
-        return (
-            equation("(5.1)", "tau_c u_a'", sp.Symbol("u_c") - U_A, "lag of the motor's torque"),
-            equation("(5.2)", "a_model", MODEL_ACCELERATION, "motion of the motor side"),
-            equation("(5.5)", "d_4,k", following, lag),
-        )
+        return equations(EQUATIONS, model=MODEL_ACCELERATION)
 
     def status(self) -> Port:
         return status_port(

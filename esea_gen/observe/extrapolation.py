@@ -6,13 +6,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, around, clip, status_port, threshold
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 # The thesis fits the past 11 values and evaluates at the next 11; their spacing is not given: at
@@ -32,7 +31,6 @@ def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Arra
 def parabola(device: DeviceData) -> Block:
     """Torque of the person with slope and curvature, from a parabola through past values."""
     law = _Parabola(device)
-    t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
     return Block.of(
         law,
         "parabola",
@@ -42,8 +40,8 @@ def parabola(device: DeviceData) -> Block:
             around("last_Nm", law.tau_lim, "value of the last step"),
             around("past_Nm", law.tau_lim, "values before it, newest first", law.count - 2),
         ),
-        equations=(
-            equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
+        equations=equations(
+            "[parabola] | tau_h | c_0 + c_1 * t + c_2 * t**2 | least squares, 11 values"
         ),
     )
 

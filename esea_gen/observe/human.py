@@ -10,14 +10,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -28,7 +26,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of
 
@@ -36,6 +34,25 @@ from esea_gen.observe.disturbance import bandwidth_tunable, share_of
 DECAY_FACTOR = 5.0
 # Slowest error mode that a set of gains may have, as a share of a step: 1 is the border.
 SLOWEST_POLE = 0.9999
+
+
+LAG_EQUATIONS = """
+    (5.3) | J_h omega_l' | tau_e + tau_h | load side
+    (5.10) | tau_h,k | tau{h,k-1} + (1 - exp(-L * h)) \
+        * (J_h * (omega{l,k} - omega{l,k-1}) / h - tau_e - tau{h,k-1}) | \
+        torque of the person: a lag of bandwidth L
+"""
+EQUATIONS = """
+    [eso 1] | nu | theta_enc - theta_l | innovation
+    [eso 2] | theta_l | theta_l + l_1 * nu | angle, corrected
+    [eso 3] | omega_l | omega_l + l_2 * nu | rate, corrected
+    [eso 4] | tau_h | tau_h + l_3 * nu | torque of the person, corrected
+    [eso 5] | rho | rho + l_4 * nu | its rate, corrected
+    [eso 6] | theta_l,k+1 | theta_l + h * omega_l + h**2 * (tau_e + tau_h) / (2 * J_h) | prediction
+    [eso 7] | omega_l,k+1 | omega_l + h * (tau_e + tau_h) / J_h | prediction (5.3)
+    [eso 8] | tau_h,k+1 | tau_h + T_d * (1 - exp(-h / T_d)) * rho | prediction
+    [eso 9] | rho_k+1 | exp(-h / T_d) * rho | prediction
+"""
 
 
 # In float32 an increment below half a unit in the last place is lost: the estimate stops short of
@@ -49,6 +66,7 @@ def lag_observer(device: DeviceData) -> Block:
         "human_lag",
         "Torque of the person: first-order lag",
         constants=device.constants("joint"),
+        equations=equations(LAG_EQUATIONS),
         coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
         outputs=(
             around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
@@ -120,16 +138,6 @@ class _Lag:
             around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
         )
 
-    def equations(self) -> tuple[Equation, ...]:
-        tau_p, h_s, bandwidth = sp.Symbol("tau_h,k-1"), sp.Symbol("h"), sp.Symbol("L")
-        rise_s = (sp.Symbol("omega_l,k") - sp.Symbol("omega_l,k-1")) / h_s
-        unexplained = sp.Symbol("J_h") * rise_s - sp.Symbol("tau_e") - tau_p
-        following = tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained
-        return (
-            equation("(5.3)", "J_h omega_l'", sp.Symbol("tau_e") + sp.Symbol("tau_h"), "load side"),
-            equation("(5.10)", "tau_h,k", following, "torque of the person: a lag of bandwidth L"),
-        )
-
 
 def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
     """How the extended-state observer's error goes on from step to step."""
@@ -169,6 +177,7 @@ def extended_state(device: DeviceData) -> Block:
         ),
         # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
         facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
+        equations=equations(EQUATIONS),
         streams=STREAMS,
     )
 
@@ -315,23 +324,6 @@ class _ExtendedState:
                 ),
                 Flag("ANGLE_CLIPPED", past, True),
             ),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        x, v, a, r, nu, h_s, t_d = sp.symbols("theta_l omega_l tau_h rho nu h T_d")
-        tau_e, jh = sp.symbols("tau_e J_h")
-        l1, l2, l3, l4 = sp.symbols("l_1 l_2 l_3 l_4")
-        ahead = x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh)
-        return (
-            equation("[eso 1]", "nu", sp.Symbol("theta_enc") - x, "innovation"),
-            equation("[eso 2]", "theta_l", x + l1 * nu, "angle, corrected"),
-            equation("[eso 3]", "omega_l", v + l2 * nu, "rate, corrected"),
-            equation("[eso 4]", "tau_h", a + l3 * nu, "torque of the person, corrected"),
-            equation("[eso 5]", "rho", r + l4 * nu, "its rate, corrected"),
-            equation("[eso 6]", "theta_l,k+1", ahead, "prediction"),
-            equation("[eso 7]", "omega_l,k+1", v + h_s * (tau_e + a) / jh, "prediction (5.3)"),
-            equation("[eso 8]", "tau_h,k+1", a + t_d * (1 - sp.exp(-h_s / t_d)) * r, "prediction"),
-            equation("[eso 9]", "rho_k+1", sp.exp(-h_s / t_d) * r, "prediction"),
         )
 
 

@@ -14,7 +14,6 @@ from esea_gen.report.page import PageSection, finite, render
 
 
 def identification_page(result: Identified) -> str:
-    """The page of an identification, one self-contained file."""
     content = finite(result.to_dict()) | {"content_hash": device_hash(result.device)}
     content["command"] = f"esea-gen identify {content['mapping']}"
     if "model" in content:
@@ -59,5 +58,4 @@ SECTIONS = (
 
 
 def dotted(key: str) -> str:
-    """A parameter's key in the device file."""
     return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"

@@ -17,8 +17,6 @@ STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "deri
 
 
 class PageSection(NamedTuple):
-    """A part of a page."""
-
     part: str  # its template below templates/report; the last word is its anchor
     title: str = ""  # in the page's list of sections
     content: Callable[[Any], dict[str, Any]] = lambda _: {}  # its part of the JSON
@@ -42,7 +40,6 @@ def environment() -> jinja2.Environment:
 
 
 def render(head: PageSection, sections: Sequence[PageSection], found: Any, **context: Any) -> str:
-    """A page, one self-contained file."""
     for section in (head, *sections):
         context |= section.shown(found)
     template = environment().get_template("report/page.html.j2")

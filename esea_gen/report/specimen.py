@@ -14,7 +14,7 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify.family.compare import THESIS
 from esea_gen.identify.notes import LIKELY
-from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
+from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures
 from esea_gen.report.common import scales
 from esea_gen.report.identification import dotted
@@ -29,7 +29,6 @@ SCALES = {
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
-    """The page, one self-contained file."""
     content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
     model = content["model"]["member"] if "model" in content else THESIS
     shown = {

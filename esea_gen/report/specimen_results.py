@@ -24,8 +24,7 @@ from esea_gen.identify.family.compare import THESIS, CompareRow
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
-from esea_gen.identify.verdict import Verdict
-from esea_gen.identify.worth import TorqueWorth
+from esea_gen.identify.verdict import TorqueWorth, Verdict
 from esea_gen.report.page import finite
 from esea_gen.toml_file import checked
 
@@ -96,8 +95,6 @@ KINDS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class SpecimenResults:
-    """All that is known of a specimen."""
-
     asked: str  # mapping file and folder of the data, as they are typed
     source: MappingFile
     recordings: tuple[Recording, ...]

@@ -39,7 +39,6 @@ S = TypeVar("S", bound=Study)
 
 
 def studies(kind: type[S]) -> dict[str, S]:
-    """Studies of a kind in this package, by name."""
     return {k: s for k, s in sorted(_own().items()) if isinstance(s, kind)}
 
 

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy as sp
 
 from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
@@ -26,7 +25,7 @@ from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.parameters import STEP_S, assumed
 from esea_gen.twin.plant import TICK_S, plant_status, sensed, status_port, true_sensor
@@ -69,7 +68,6 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
             "plant_status": plant_status(guard),
         }
 
-    b, tau, tau_e, slip = sp.symbols("b tau_hand tau_e omega_ml")
     return Block.define(
         "plant",
         "Passive sensor between hands and limb: cuff and coupling",
@@ -95,7 +93,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
             Port("theta_l_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the limb"),
             status_port(),
         ),
-        equations=(equation("(5.2)", "J omega_m'", tau - b * slip - tau_e, "cuff"),),
+        equations=equations("(5.2) | J omega_m' | tau_hand - b * omega_ml - tau_e | cuff"),
         step=step,
     )
 

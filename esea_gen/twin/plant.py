@@ -32,16 +32,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.device import with_numbers
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, clip, flag_word
+from esea_gen.language.ports import Equation, Flag, Port, clip, flag_word
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.model.sensing import of_axis
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.twin.encoders import ANGLE_RAD
 from esea_gen.twin.mechanics import (
     WORKS,
@@ -331,17 +330,16 @@ def output_ports() -> tuple[Port, ...]:
     )
 
 
-def plant_equations(cable: bool) -> tuple[Any, ...]:
-    n, u_a, u_c, lag, fv, fc, w = sp.symbols("n u_a u_c tau_c f_v f_c w")
-    omega, d4, j = sp.symbols("omega_g d_4 J")
-    tau_e, tau_h = sp.symbols("tau_e tau_h")
-    pull = sp.Symbol("tau_cable") if cable else tau_e
-    drive = n * u_a - fv * omega - fc * sp.tanh(omega / w) - pull + j * d4
-    return (
-        equation("(5.1)", "u_a'", (u_c - u_a) / lag, "lag of the motor's torque"),
-        equation("(5.2)", "J omega_g'", drive, "motor and drive"),
-        equation("(5.3)", "J_h omega_l'", tau_e + tau_h, "load side and limb"),
-    )
+EQUATIONS = """
+    (5.1) | u_a' | (u_c - u_a) / tau_c | lag of the motor's torque
+    (5.2) | J omega_g' | n * u_a - f_v * omega_g - f_c * tanh(omega_g / w) - {pull} + J * d_4 | \
+        motor and drive
+    (5.3) | J_h omega_l' | tau_e + tau_h | load side and limb
+"""
+
+
+def plant_equations(cable: bool) -> tuple[Equation, ...]:
+    return equations(EQUATIONS.format(pull="tau_cable" if cable else "tau_e"))
 
 
 def steps_a_tick(step_s: float, tick_s: float) -> int:

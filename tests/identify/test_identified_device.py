@@ -15,9 +15,8 @@ from esea_gen.identify.drafting import (
     sourced_device,
 )
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import bounds_of, with_values
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.published.plant import FittedPlant, Uncertainty
+from esea_gen.identify.published.space import bounds_of, with_values
 from tests.conftest import require_tool
 from tests.rigs import written
 

@@ -14,9 +14,9 @@ from esea_gen.cli import app
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.published.parameters import with_values
 from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import uncertainty as identified
+from esea_gen.identify.published.plant import uncertainty as identified
+from esea_gen.identify.published.space import with_values
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.studies.uncertainty import motions as room

@@ -13,19 +13,20 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.reproduce.catalogue import (
+from esea_gen.reproduce.measures import Measures
+from esea_gen.reproduce.thesis import (
+    CHAPTERS,
     DIFFERS,
     REPRODUCED,
     TAKEN,
     UNEXPLAINED,
     WORDS,
+    HostResults,
     Printed,
     judge_printed,
     published,
+    recompute,
 )
-from esea_gen.reproduce.given import HostResults
-from esea_gen.reproduce.measures import Measures
-from esea_gen.reproduce.thesis import CHAPTERS, recompute
 
 ITEMS, MISPRINTS = published()
 # Counted in the thesis: figures and tables of a chapter.

@@ -9,13 +9,12 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 
@@ -33,7 +32,7 @@ def redundancy(device: DeviceData) -> Block:
             around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
             Port("zeroed", 0.0, 1.0, "1 once that is set"),
         ),
-        equations=_equations(),
+        equations=equations(EQUATIONS),
     )
 
 
@@ -136,22 +135,9 @@ class _Redundancy:
         )
 
 
-def _equations() -> tuple[Any, ...]:
-    g, m, tau, zero = sp.symbols("theta_g theta_m tau_e theta_0")
-    k, least, room, share = sp.symbols("k_c k_min theta_a c_tau")
-    return (
-        equation("[red 1]", "a_theta", g - m - tau / k - zero, "how far the two angles are apart"),
-        equation(
-            "[red 2]",
-            sp.Abs(sp.Symbol("a_theta")),
-            room + (1 / least - 1 / k) * sp.Abs(tau),
-            "room",
-        ),
-        equation("[red 3]", "a_tau", sp.Symbol("J") * sp.Symbol("d_g"), "torque left unexplained"),
-        equation(
-            "[red 4]",
-            sp.Abs(sp.Symbol("a_tau")),
-            sp.Symbol("tau_a") + share * sp.Abs(tau) + sp.Symbol("c_J") * sp.Symbol("J a_g"),
-            "its room",
-        ),
-    )
+EQUATIONS = """
+    [red 1] | a_theta | theta_g - theta_m - tau_e / k_c - theta_0 | how far the two angles are apart
+    [red 2] | Abs(a_theta) | theta_a + (1 / k_min - 1 / k_c) * Abs(tau_e) | room
+    [red 3] | a_tau | J * d_g | torque left unexplained
+    [red 4] | Abs(a_tau) | tau_a + c_tau * Abs(tau_e) + c_J * J * a_g | its room
+"""

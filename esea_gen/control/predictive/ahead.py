@@ -8,19 +8,24 @@ from operator import mul
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
-from esea_gen.model.symbolic import equation
+from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 # A stiffness below this pulls by less than a thousandth of a Nm whatever the angle.
 LEAST_KP = 1e-4
+
+
+EQUATION = """
+    [blend] | tau_ahead | tau_d + o * exp(-t / T_b) | \
+        wanted torque with the offset of a change of mode, as it will have faded
+"""
 
 
 # An offset starts a law from the measured torque; along the horizon it fades as it will.  In one
@@ -44,6 +49,7 @@ def ahead(
         state=(),
         inputs=inputs,
         outputs=outputs,
+        equations=equations(EQUATION),
     )
 
 
@@ -193,9 +199,3 @@ class _Ahead:
             "status": flag_word([ca.logic_not(guard.inputs_ok)]),
         }
         return {}, outputs
-
-    def equations(self) -> tuple[Equation, ...]:
-        tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
-        faded = tau_d + o * sp.exp(-t / blend)
-        text = "wanted torque with the offset of a change of mode, as it will have faded"
-        return (equation("[blend]", "tau_ahead", faded, text),)

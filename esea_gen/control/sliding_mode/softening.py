@@ -11,11 +11,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.language.block import Labels
 from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 
 FROM_HZ = 4.0
 """Two high-passes of first order: wanted torques and what people do is mostly slower."""
@@ -27,6 +26,13 @@ SEEN_RAD, FULL_RAD = 3.5e-3, 3.9e-3
 1 to 2 mrad with a person, up to 4 following a torque; a swing of 0.15 Nm 6 mrad and more."""
 SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
 """Shares: lambda from 15 to 7.5 1/s, the lead from 2.5 to 4."""
+
+EQUATIONS = f"""
+    [soft 1] | sigma | Max(sigma_1 * Max(0, Min(1, (q_2 - q_seen**2) / (q_full**2 - q_seen**2))), \
+        sigma{{k-1}} * exp(-h / T_s)) | softness
+    [soft 2] | lambda | lambda_0 * (1 - {SLOPE_FALLS} * sigma{{k-1}}) | slope, softened
+    [soft 3] | kappa | kappa_0 * (1 + {LEAD_RISES} * sigma{{k-1}}) | lead, at most 4
+"""
 
 
 class SwingSoftening:
@@ -88,12 +94,4 @@ class SwingSoftening:
         return Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
 
     def equations(self) -> tuple[Equation, ...]:
-        slope, kappa = sp.symbols("lambda_0 kappa_0")
-        square, seen, full, share = sp.symbols("q_2 q_seen q_full sigma_1")
-        wanted = share * sp.Max(0, sp.Min(1, (square - seen**2) / (full**2 - seen**2)))
-        last, back, h = sp.symbols("sigma_k-1 T_s h")
-        return (
-            equation("[soft 1]", "sigma", sp.Max(wanted, last * sp.exp(-h / back)), "softness"),
-            equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * last), "slope, softened"),
-            equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * last), "lead, at most 4"),
-        )
+        return equations(EQUATIONS)

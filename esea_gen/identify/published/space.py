@@ -11,11 +11,63 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
-from esea_gen.identify.published.parameters import EPS2_DEFAULT, bounds_of
+from esea_gen.device import Device
+from esea_gen.devices.fields import field_facts
+from esea_gen.devices.numbers import Quantity, Section
+from esea_gen.devices.rubber import Elastomer
 from esea_gen.language.ports import Array
+from esea_gen.model.elastomer import RATE_KEYS
+
+EPS2_DEFAULT = 0.013  # the published elbow's value; any other gives the same torque
+
+
+@cache
+def bounds_of(key: str) -> tuple[float, float]:
+    dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
+    extra = field_facts(dotted)
+    return float(extra["low"]), float(extra["high"])
+
+
+def at_bound(key: str, value: float) -> str | None:
+    low, high = bounds_of(key)
+    # The viscosity's numbers have no scale of their own: only 0 itself is a lower bound of 0.
+    if value <= low * (1 + 1e-6):
+        return "lower"
+    return "upper" if value >= high * (1 - 1e-6) else None
+
+
+def with_parameters(elastomer: Elastomer, values: Mapping[str, Quantity]) -> Elastomer:
+    """An elastomer with other numbers by key, those of its Maxwell element included."""
+    put = elastomer.model_copy(update=_known(elastomer, values))
+    if put.maxwell is None:
+        return put
+    maxwell = put.maxwell.model_copy(update=_known(put.maxwell, values))
+    return put.model_copy(update={"maxwell": maxwell})
+
+
+def with_values(
+    device: Device, values: Mapping[str, float], **sections: Mapping[str, float]
+) -> Device:
+    def trial(numbers: Mapping[str, float]) -> dict[str, Quantity]:
+        return {
+            k: Quantity(value=float(v), status="identified", source="trial")
+            for k, v in numbers.items()
+        }
+
+    update: dict[str, Section] = {"elastomer": with_parameters(device.elastomer, trial(values))}
+    for key, numbers in sections.items():
+        section = getattr(device.file, key)
+        update[key] = section.model_copy(update=_known(section, trial(numbers)))
+    return Device(device.file.model_copy(update=update), device.origin)
+
+
+def _known(section: Section, values: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    return {k: q for k, q in values.items() if k in type(section).model_fields}
+
 
 NEGLIGIBLE = 1e-4  # share of the torque below which the Maxwell element is left out
 TIME_CONSTANT_S = (1e-3, 1e4)
@@ -24,8 +76,6 @@ GAIN = (1e-3, 1e5)
 
 @dataclass(frozen=True)
 class Space:
-    """The searched numbers and how they become parameters."""
-
     rate_terms: bool
     theta_rad: float  # largest deflection and rate in the training data
     omega_rad_s: float
@@ -80,7 +130,6 @@ class Space:
 
 
 def linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
-    """Bounds of k1, k3, alpha (and kv)."""
     keys = ["k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad"] + (["kv_Nm_rad"] if rate_terms else [])
     pairs = [bounds_of(k) for k in keys]
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])

@@ -39,8 +39,6 @@ FITTABLE = ("torque.lag_s", "deflection.backlash_rad", "deflection.dead_zone_rad
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A validated mapping with its origin."""
-
     mapping: Mapping
     origin: str
     folder: Path
@@ -61,7 +59,6 @@ class MappingFile:
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
     def fittable(self) -> dict[str, Quantity | None]:
-        """Numbers that may be left to the fit."""
         found = {}
         for name in FITTABLE:
             table, key = name.split(".")
@@ -69,7 +66,6 @@ class MappingFile:
         return found
 
     def settled(self, numbers: Numbers[str, Quantity | None]) -> MappingFile:
-        """The same with other numbers."""
         mapping = self.mapping
         for name, q in numbers.items():
             table, key = name.split(".")
@@ -116,7 +112,6 @@ def _suggest(name: str, known: list[str]) -> str:
 
 
 def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> MappingFile:
-    """Read and validate a mapping file."""
     path = Path(path)
     if not path.is_file():
         raise UserError(
@@ -131,7 +126,6 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 
 
 def parse_mapping(text: str, origin: str) -> Mapping:
-    """Validate the text of a mapping file."""
     document = parse_toml(text, origin, "docs/identify.md")
     mapping = checked(Mapping, document, origin, _fix, text)
     for key, q, extra in _quantities(mapping):

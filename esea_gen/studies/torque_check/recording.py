@@ -73,7 +73,6 @@ def _kinds(recording: CheckRecording, torque_Nm: float) -> list[Phase]:
 
 
 def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Measurement, ...]:
-    """Record the phases of a recording, one after the other."""
     t = recording.time_s
     back = np.flatnonzero(np.diff(t) <= 0)
     if len(back):

@@ -23,18 +23,12 @@ from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
-from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
-from esea_gen.verify.coverage import recorded_arguments
 from esea_gen.verify.executor import (
     KernelTrajectory,
-    coefficients_of,
-    emitted_kernel,
     exact_trajectory,
     expected_setup,
-    float32_trajectory,
-    initial_state,
     setup_difference,
 )
 from esea_gen.verify.memories import other_memories
@@ -110,19 +104,8 @@ class Bench:
         # Bit by bit only: there, formats may decide differently.
         dtype = self.fmt.dtype
         for stream in (at_the_limits(block, dtype), *other_memories(block, dtype)):
-            out.append(Judged(self._exact(block, stream), None))
+            out.append(Judged(exact_trajectory(block, self.library, stream, self.oracle), None))
         return out
-
-    def _exact(self, block: Block, stream: Stream) -> KernelTrajectory:
-        # As exact_trajectory, with the coefficients that the stream puts in.
-        if self.oracle is not None or not stream.coefficients:
-            return exact_trajectory(block, self.library, stream, self.oracle)
-        coefficients = coefficients_of(block, self.fmt, {})
-        _, trace = run_c(self.library.block(block.name), stream)
-        initial = initial_state(block, self.fmt, coefficients)
-        arguments = recorded_arguments(block, stream, trace, initial, coefficients, self.fmt)
-        kernel, _ = emitted_kernel(block, self.fmt)
-        return float32_trajectory(kernel, block, stream, arguments)
 
     # -- compiling -------------------------------------------------------------------------------
 

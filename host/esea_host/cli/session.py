@@ -92,6 +92,7 @@ class _Asked:
     lever: float | None
     log: Path
     rehearsal: bool
+    opening: str
 
     @property
     def recorded(self) -> dict[str, Any]:
@@ -143,6 +144,14 @@ def run(
             "--rehearsal", help="Try the session out, with any device; it counts for nobody."
         ),
     ] = False,
+    opening: Annotated[
+        str,
+        typer.Option(
+            "--open",
+            metavar="CODE",
+            help="First session: opening code of the participant's place, or the sealed list.",
+        ),
+    ] = "",
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
@@ -167,7 +176,7 @@ def run(
         mass, lever = mass or former.get("mass"), lever or former.get("lever")
         asked = _Asked(
             device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever, path, rehearsal,
+            mass, lever, path, rehearsal, opening,
         )  # fmt: skip
         _run(study, code, session, asked)
 
@@ -228,6 +237,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     try:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if not asked.rehearsal and (told := study.disclose(code, asked.opening)):
+                out.print(told)
             if asked.headless:
                 state, reason = _headless(study, code, number - 1, source, asked)
             else:

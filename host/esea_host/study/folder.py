@@ -1,4 +1,4 @@
-"""The folder of a study: participants by code, consent, groups, audit, deletion, export.
+"""The folder of a study: participants by code, consent, groups, audit, deletion.
 
 ``protocol.toml`` is the protocol as it was at the start, with the ``tasks`` it names,
 ``audit.jsonl`` the chained record of all that was done, ``<code>/session-<n>/events.jsonl`` each
@@ -7,9 +7,7 @@ session.  No name of a person is anywhere.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import json
 import re
 import shutil
 import warnings
@@ -22,10 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.files import locked, new_whole
+from esea_gen.files import locked
 from esea_gen.toml_file import read_text
+from esea_host.study.allocation import Allocations, stratum_named
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
-from esea_host.study.plan import build_plan, generator, group_of
+from esea_host.study.plan import build_plan
+from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.records import check_record, lack, program, renamed
 from esea_host.study.session import StudySession, read_session, state_of
@@ -84,7 +84,9 @@ class StudyFolder:
             for file in files:
                 (path / folder).mkdir(exist_ok=True)
                 (path / folder / file.path.name).write_bytes(file.content)
-        about = {"content": study.content(), "program": program()}
+        about: dict[str, Any] = {"content": study.content(), "program": program()}
+        if not simulated:
+            about |= {"key": fingerprint(study_key(path)), "allocation": "list"}
         study.record("created", protocol=protocol.file.name, simulated=simulated, **about)
         return study
 
@@ -220,10 +222,19 @@ class StudyFolder:
         return {d["participant"] for k, d in self.audited_anyway() if k == kind}
 
     def enrol(
-        self, code: str, consent: bool, form: str = "", date: str = "", obtained_by: str = ""
+        self,
+        code: str,
+        consent: bool,
+        form: str = "",
+        date: str = "",
+        obtained_by: str = "",
+        strata: Sequence[str] = (),
     ) -> None:
-        """Take a participant in; of the consent: the form's version, its date, who obtained it."""
-        self.enrol_all([code], consent, form, date, obtained_by)
+        """Take a participant in; of the consent: the form's version, its date, who obtained it.
+
+        strata: ``factor=level`` words of the allocation.
+        """
+        self.enrol_all([code], consent, form, date, obtained_by, strata)
 
     def enrol_all(
         self,
@@ -232,7 +243,9 @@ class StudyFolder:
         form: str = "",
         date: str = "",
         obtained_by: str = "",
+        strata: Sequence[str] = (),
     ) -> None:
+        stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
             if not CODE.match(code):
                 raise UserError(
@@ -253,7 +266,7 @@ class StudyFolder:
             for code in codes:
                 if code in known:
                     raise UserError(f"{code} is taken.", "Give the next code.")
-                log.append(None, "enrol", {"participant": code})
+                log.append(None, "enrol", {"participant": code, "stratum": stratum})
                 log.append(None, "consent", {"participant": code, **given})
 
     def withdraw(self, code: str, reason: str = "") -> None:
@@ -341,7 +354,10 @@ class StudyFolder:
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)
-            plan, rows = build_plan(self.protocol, index, number), self.rows(code, number)
+            if self.allocations.needs_list:  # else the orders of trials would tell who came when
+                index = int.from_bytes(keyed(self.key, "order", code))
+            plan = build_plan(self.protocol, index, number, self.group(code))
+            rows = self.rows(code, number)
             session = StudySession(log, plan, code, source, rows, *given)
             if source is None:
                 return session
@@ -398,11 +414,59 @@ class StudyFolder:
         if not session.rehearsal:
             self.record("session_end", participant=code, session=number, head=session.log.head)
 
+    # -- groups -------------------------------------------------------------------------------
+
+    @property
+    def key(self) -> bytes:
+        """The secret key of codes, orders and sealed values."""
+        key = study_key(self.path)
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        if created.get("key", fingerprint(key)) != fingerprint(key):
+            raise UserError(
+                f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
+            )
+        return key
+
+    @property
+    def allocations(self) -> Allocations:
+        return Allocations(self.path, self.protocol, self.trail(), self.key)
+
+    def allocate(self, keep: Path, places: int, reason: str = "") -> list[str]:
+        """Draw the sealed list, as a third person; returns its strata."""
+        with self._trail() as trail:
+            entry = self.allocations.make(self.by, keep, places, reason)
+            trail.append(None, "allocate", entry)
+        return list(entry["strata"])
+
+    def disclose(self, code: str, opening: str = "") -> str:
+        """Disclose the group for the first session; returns what the operator may know of it."""
+        with self._trail() as trail:
+            self._must_be_here(code)
+            allocations = self.allocations
+            if allocations.group(code) is not None:
+                return ""
+            entry = allocations.disclose(code, opening, self.by, self.blinded("operator"))
+            trail.append(None, "disclose", entry)
+        group = self.group_shown(code, "operator")
+        return f"{code}: place {entry['place']} of the list, group {group}"
+
+    def group(self, code: str) -> str:
+        group = self.allocations.group(code)
+        if group is None:
+            raise UserError(f"{code} has no group yet.", "Begin with the first session.")
+        return group
+
+    def blinded(self, role: str) -> bool:
+        """Whether a role is blinded by the protocol, and has not been unblinded."""
+        unblinded = {d["role"] for k, d in self.audited_anyway() if k == "unblind"}
+        return role in self.protocol.file.blinded and role not in unblinded
+
     def group_shown(self, code: str, to: str) -> str:
         """The group as it may be shown to ``operator`` or ``participant``."""
-        if to in self.protocol.file.blinded:
+        if self.blinded(to):
             return "blinded"
-        return group_of(self.protocol, self.participants()[code])
+        group = self.allocations.group(code)
+        return "not disclosed yet" if group is None else group
 
     def delete(self, code: str, reason: str) -> int:
         """Delete a participant's data on demand; that it was done stays on record."""
@@ -424,31 +488,3 @@ class StudyFolder:
                 "Look at its rights, and at programs that use it; then delete it again.",
             )
         return len(files)
-
-    # -- export -------------------------------------------------------------------------------
-
-    def new_codes(self, seed: int) -> dict[str, str]:
-        codes = sorted({c for c, _, _ in self.sessions()})
-        order = generator(seed, 3).permutation(len(codes))
-        return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
-
-    def scrubbed(self, seed: int) -> list[dict[str, Any]]:
-        named = self.new_codes(seed).items()
-        return [
-            {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)
-        ]
-
-    def export(self, out: Path, seed: int = 0) -> int:
-        """Write data for others: new codes in random order, no notes, no audit, no group order."""
-        rows = self.scrubbed(seed)
-        names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with new_whole(out) as scratch:
-            scratch.mkdir()
-            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
-                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, names, extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(rows)
-            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
-        return len(rows)
