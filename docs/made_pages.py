@@ -36,13 +36,11 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("recording.mapping", "recording.tables")),
-            *(f"identify.{m}" for m in ("identification", "verdict")),
+            "identify.identification",
+            "identify.recording.tables",
             "twin.closed_loop",
             "twin.loop_run",
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),
-            "studies.torque_check.check",
-            "plotting",
         ),
     ),
     "host": (

@@ -18,8 +18,8 @@ from typing import Any
 
 from esea_gen.devices.checks import check_content
 from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
-from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantities_of
-from esea_gen.devices.numbers import Quantity, Section, Series
+from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile
+from esea_gen.devices.numbers import Quantity, Series, changed, numbers_of
 from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError, nearest
@@ -85,7 +85,7 @@ class DeviceData:
 
     def quantities(self) -> Iterator[tuple[str, Quantity]]:
         """Every number of the file as (dotted key, quantity), in file order."""
-        yield from quantities_of(self.file)
+        return ((k, q) for k, q, _ in numbers_of(self.file) if isinstance(q, Quantity))
 
     def constants(self, section: str) -> tuple[Constant, ...]:
         return tuple(
@@ -101,7 +101,6 @@ class DeviceData:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of :meth:`canonical`, hexadecimal."""
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
     def toml(self) -> str:
@@ -109,13 +108,11 @@ class DeviceData:
 
 
 def shipped_devices() -> dict[str, Path]:
-    """Device files that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 
 
 def read_file(name_or_path: str | Path) -> tuple[str, str]:
-    """Text of a device file."""
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
@@ -128,7 +125,6 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def shipped_controllers() -> dict[str, Path]:
-    """Configurations of control laws that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices" / "controllers"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 
@@ -256,20 +252,9 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 
-    def assumed(section: Section) -> Section:
-        update: dict[str, Any] = {}
-        for key in type(section).model_fields:
-            value = getattr(section, key)
-            if isinstance(value, Quantity | Series):
-                source = f"copied from {base.name}: {value.source}"
-                update[key] = value.model_copy(update={"status": "assumed", "source": source})
-            elif isinstance(value, Section):
-                update[key] = assumed(value)
-            elif isinstance(value, tuple):
-                update[key] = tuple(assumed(v) if isinstance(v, Section) else v for v in value)
-        return section.model_copy(update=update)
+    def assumed(number: Quantity | Series) -> Quantity | Series:
+        source = f"copied from {base.name}: {number.source}"
+        return number.model_copy(update={"status": "assumed", "source": source})
 
     title = f"{name}: new device, all numbers copied from {base.name}"
-    file = assumed(base.file.model_copy(update={"name": name, "title": title}))
-    assert isinstance(file, DeviceFile)
-    return file
+    return changed(base.file.model_copy(update={"name": name, "title": title}), assumed)

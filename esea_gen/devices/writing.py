@@ -12,7 +12,6 @@ from esea_gen.devices.numbers import Quantity, Section, Series
 
 
 def render_toml(file: DeviceFile) -> str:
-    """Write a device file with a comment for every key."""
     lines = [
         "# Device file of esea-gen.  A number is a value in the unit of its key's suffix, a status",
         "# (published, identified or assumed) and its source.  Reports show the assumed ones.",

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing, Velocity
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
 from esea_gen.devices.writing import render_toml
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import EPS2_DEFAULT, at_bound, with_parameters
-from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.published.plant import Uncertainty
+from esea_gen.identify.published.space import EPS2_DEFAULT, at_bound, place_of
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.reading import MAX_TAU_NM, MAX_THETA_RAD
@@ -154,11 +154,13 @@ def fitted_device(
     """The template with the fitted parameters and a torque limit that holds the model."""
     file = template.file
     where = origin_of(source, files_of(recordings))
-    found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
-    elastomer = with_parameters(template.elastomer, found)
+    found = {
+        place_of(k): Quantity(value=v, status="identified", source=where)
+        for k, v in fit.values.items()
+    }
     v, theta = fit.values, file.limits.theta_rad.value
     spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
-    radii = [v["omega_rad"] * (i + 1) for i in range(int(elastomer.stops.value))]
+    radii = [v["omega_rad"] * (i + 1) for i in range(int(template.elastomer.stops.value))]
     stops = sum(
         v["alpha_Nm_rad"] * math.exp(-v["beta_1_rad"] * r) * min(r, 2 * theta) for r in radii
     )
@@ -170,11 +172,7 @@ def fitted_device(
             status="assumed",
             source="the model's torque at the deflection limit",
         )
-    update = {
-        "elastomer": elastomer,
-        "limits": file.limits.model_copy(update={"tau_Nm": limit}),
-    }
-    return Device(file.model_copy(update=update), template.origin)
+    return with_numbers(template, found | {"limits.tau_Nm": limit})
 
 
 def sourced_device(
@@ -198,11 +196,10 @@ def sourced_device(
         return f"{where}; standard deviation {sigma:.2g}{period}"
 
     found = {
-        k: Quantity(
+        place_of(k): Quantity(
             value=v, status="assumed" if k in doubtful else "identified", source=describe(k)
         )
         for k, v in fit.values.items()
     }
-    elastomer = with_parameters(device.elastomer, found)
-    file = device.file.model_copy(update={"elastomer": elastomer})
+    file = with_numbers(device, found).file
     return parse_device(render_toml(file), f"{file.name}.toml")

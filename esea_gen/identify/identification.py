@@ -11,20 +11,16 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.identify.drafting import draft, fitted_device, grid_rate, sourced_device
-from esea_gen.identify.identified import Identified
+from esea_gen.identify.identified import Identified, excused_of, gate_notes, gated
 from esea_gen.identify.notes import band_notes, notes_of
 from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels, search
-from esea_gen.identify.published.parameters import at_bound, bounds_of
-from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.plant import FittedPlant, Uncertainty, uncertainty
 from esea_gen.identify.published.search_problem import Searching
-from esea_gen.identify.published.space import Space
-from esea_gen.identify.published.uncertainty import Uncertainty, uncertainty
+from esea_gen.identify.published.space import Space, at_bound, bounds_of
 from esea_gen.identify.recording.channels import settled
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.quality_gate import excused_of, gate_notes, gated
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.verdict import Verdict, judge
-from esea_gen.identify.worth import worth_of
+from esea_gen.identify.verdict import Verdict, judge, worth_of
 from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 

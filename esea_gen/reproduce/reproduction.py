@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Study
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Outcome(Protocol):

@@ -39,7 +39,6 @@ S = TypeVar("S", bound=Study)
 
 
 def studies(kind: type[S]) -> dict[str, S]:
-    """Studies of a kind in this package, by name."""
     return {k: s for k, s in sorted(_own().items()) if isinstance(s, kind)}
 
 
@@ -68,10 +67,10 @@ def study_file(name: str) -> Path | None:
 
 @cache
 def _own() -> dict[str, Study]:
-    # One file a study; where it needs several, a folder with the study in study.py.
+    # Folders hold what has a command of its own.
     rooms = map(importlib.import_module, ROOMS)
     every = ((room.__name__, m) for room in rooms for m in pkgutil.iter_modules(room.__path__))
-    names = (f"{room}.{m.name}" + ".study" * m.ispkg for room, m in every)
+    names = (f"{room}.{m.name}" for room, m in every if not m.ispkg)
     return _found(map(importlib.import_module, names))
 
 

@@ -28,7 +28,7 @@ from esea_gen.model.published_inverse import (
     filter_taps,
     published_inverse,
 )
-from esea_gen.reproduce.chapter4 import sensed_torque
+from esea_gen.reproduce.torque_model import sensed_torque
 from esea_gen.verify.bounds import derive_bounds, forward_residual, residual_flag
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify

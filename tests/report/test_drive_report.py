@@ -14,8 +14,8 @@ from esea_gen import load_device
 from esea_gen.board.emulator import Difference
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
-from esea_gen.report.board import BoardRun, run_board
 from esea_gen.report.builder import gather
+from esea_gen.report.findings import BoardRun, run_board
 from esea_gen.report.page import finite
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting

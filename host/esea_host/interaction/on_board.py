@@ -15,7 +15,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
@@ -92,6 +92,10 @@ class ElementBoard(InputSource):
         self.middle_rad = math.nan
         self._aims = [0.0]
         self._confirmed = self._state = ""
+
+    @property
+    def simulated(self) -> bool:
+        return self.inner.simulated
 
     def ready(self) -> Mapping[str, Any]:
         self.inner.listen_to(self)

@@ -9,35 +9,179 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from esea_gen.analysis.campaign import Workers, run_cases
-from esea_gen.analysis.journal import Configuration, rooms_digest
+from esea_gen.analysis.journal import Configuration, Result, rooms_digest
+from esea_gen.analysis.plots import cell_edges, frequency_axis, new_figure, styled
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain
 from esea_gen.language.ports import Array, Tunable
-from esea_gen.studies.registry import Study
+from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING
 from esea_gen.studies.tracking import TuningCase
-from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
-from esea_gen.studies.tuning_sweep.trial import (
-    FAILED,
-    LAMBDA,
-    PHI,
-    Trial,
-    run_trial,
-    trial_of,
-    tunables_of,
-)
-from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.run import PLANT_NAMES
+from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
+from esea_gen.twin.judge import ENDED, judge
+from esea_gen.twin.loop_run import ClosedLoopRun
+from esea_gen.twin.run import PLANT_NAMES, run_case
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"
+SOFTENING = "smc.softening"
+
+
+@dataclass(frozen=True)
+class Trial:
+    value: float
+    rms_Nm: float
+    overshoot_percent: float
+    reach_percent: float  # 100: the desired amplitude, at the extremes on average
+    roughness_Nm_s: float
+    surface_rad_s: float
+    outside_share: float  # of the time with abs(s) > phi; NaN without a surface
+    limited_share: float
+    unusable: str = ""  # why the value cannot be taken
+
+
+def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
+    """How far the true torque goes at the extremes of a sinusoid."""
+    w = case.trajectory.window
+    desired, true = case.trajectory.tau_desired_Nm[w], run.plant["tau_e_Nm"][w]
+    amplitude = float(np.max(np.abs(desired)))
+    # From one zero of the desired torque to the next, an eighth of a cycle late: the extreme then
+    # lies inside for any lag from -45 to 135 deg.  What is left at both ends is no whole one.
+    sign = np.sign(np.where(desired == 0, 1e-300, desired))
+    zeros = np.flatnonzero(np.diff(sign)) + 1
+    late = round(0.25 * float(np.mean(np.diff(zeros))))
+    peaks = np.array(
+        [
+            np.max(true[a + late : b + late] * sign[a])
+            for a, b in pairwise(zeros)
+            if b + late <= len(true)
+        ]
+    )
+    reach = 100 * peaks / amplitude
+    return max(0.0, float(np.max(reach)) - 100), float(np.mean(reach))
+
+
+def run_trial(
+    parameter: str,
+    value: float,
+    held: Mapping[str, float],
+    controller: str,
+    plant: str,
+    seed: int,
+) -> dict[str, float]:
+    """Run and judge one value: what a worker does."""
+    # Gains that swing are to be seen doing it, not softened.
+    unsoftened = {SOFTENING: 0.0} if SOFTENING in tunables_of(controller) else {}
+    tunables: dict[str, dict[str, float]] = {}
+    for name, x in {**unsoftened, **held, parameter: value}.items():
+        instance, _, key = name.partition(".")
+        tunables.setdefault(instance, {})[key] = x
+    device = controller_device(controller)
+    (case,) = TuningCase().cases()
+    run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
+    figures = judge(case, run, largest_torque_Nm(device))
+    over, reach = extremes(case, run)
+    out = {
+        "value": value,
+        "rms_Nm": figures["rms_true_Nm"],
+        "overshoot_percent": over,
+        "reach_percent": reach,
+        "roughness_Nm_s": figures["roughness_Nm_s"],
+        "limited_share": figures["limited_share"],
+    } | {k: figures[k] for k in ENDED}
+    if "surface_rad_s" in run.controller:
+        s = np.abs(run.controller["surface_rad_s"][case.trajectory.window])
+        phi = tunables.get("smc", {}).get("phi_rad_s", tunables_of(controller)[PHI].default)
+        out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(s > phi))}
+    return out
+
+
+def tunables_of(controller: str) -> dict[str, Tunable]:
+    return {f"{i}.{t.name}": t for i, t in controller_system(controller).tunables}
+
+
+FAILED = "failed: "
+_FIGURES = tuple(f.name for f in fields(Trial) if f.name not in ("value", "unusable"))
+
+
+def trial_of(result: Result) -> Trial:
+    nothing = dict.fromkeys(_FIGURES, math.nan)
+    if result.values is None:
+        # The class of the error says nothing to who reads the table.
+        reason = " ".join(result.failure.removeprefix("esea_gen.errors.UserError: ").split())
+        return Trial(result.case["value"], **nothing, unusable=FAILED + reason)
+    figures = {k: v for k, v in result.values.items() if k not in ENDED}
+    why = ", ".join(text for key, text in ENDED.items() if result.values[key])
+    return Trial(**(nothing | figures), unusable=why)
+
+
+# A value whose error is within this of the least is as good: the smallest such is taken.
+NEAR = 0.1
+# Percent of overshoot above the least one that a smaller error does not pay for.
+OVERSHOOT_ROOM = 5.0
+# Values with more than this times the least error do not say what the least overshoot is: a torque
+# that is not followed overshoots nothing.
+FOLLOWS = 2.0
+
+
+def _nothing(trials: Sequence[Trial]) -> str:
+    """Why no trial is usable; the reason where there is but one."""
+    reasons = {t.unusable for t in trials}
+    return "no value is usable" + (f", {reasons.pop()}" if len(reasons) == 1 else "")
+
+
+def choose_layer(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
+    """The narrowest boundary layer that the surface never leaves."""
+    usable = [t for t in trials if not t.unusable]
+    if not usable:
+        return None, _nothing(trials)
+    good = [t for t in usable if t.surface_rad_s <= t.value]
+    if not good:
+        return None, "the surface leaves every layer that was tried: try wider ones"
+    best = min(good, key=lambda t: t.value)
+    below = [t for t in trials if t.value < best.value]
+    reason = f"the surface stays within it (largest |s| {best.surface_rad_s:.3g} rad/s)"
+    if below:
+        worst = max(below, key=lambda t: t.value)
+        left = worst.unusable or f"is left for {100 * worst.outside_share:.2g} % of the time"
+        reason += f"; the next narrower one, {worst.value:g}, {left}"
+    return best, reason
+
+
+def choose_error(trials: Sequence[Trial]) -> tuple[Trial | None, str]:
+    """The smallest value whose error is near the least, without overshoot to pay for it."""
+    usable = [t for t in trials if not t.unusable]
+    if not usable:
+        return None, _nothing(trials)
+    least = min(t.rms_Nm for t in usable)
+    follow = [t for t in usable if t.rms_Nm <= FOLLOWS * least]
+    room = min(t.overshoot_percent for t in follow) + OVERSHOOT_ROOM
+    calm = [t for t in follow if t.overshoot_percent <= room]
+    best = min(t.rms_Nm for t in calm)
+    chosen = min((t for t in calm if t.rms_Nm <= (1 + NEAR) * best), key=lambda t: t.value)
+    reason = (
+        f"RMS error {chosen.rms_Nm:.3g} Nm, within {100 * NEAR:.0f} % of the least that needs no "
+        f"more than {room:.3g} % overshoot ({best:.3g} Nm)"
+    )
+    above = [t for t in trials if t.value > chosen.value]
+    if above:
+        last = max(above, key=lambda t: t.value)
+        end = last.unusable or (
+            f"{last.rms_Nm:.3g} Nm and {last.overshoot_percent:.3g} % overshoot"
+        )
+        reason += f"; at {last.value:g}: {end}"
+    return chosen, reason
+
 
 PHI_VALUES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 LAMBDA_VALUES = (3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.0, 19.0, 21.0, 23.0, 25.0)
@@ -154,7 +298,7 @@ class Tuning:
 
     def figure(self) -> Figure:
         """Error, overshoot and roughness over the parameter that was swept last."""
-        from esea_gen.studies.tuning_sweep.figure import tuning_trade
+        from esea_gen.studies.tuning_sweep import tuning_trade
 
         sweep = self.sweeps[-1]
         gone = (math.nan,) * 3
@@ -263,8 +407,35 @@ def tune(
     return made(layer, sweep(LAMBDA, inside(LAMBDA, LAMBDA_VALUES), {PHI: phi}))
 
 
-class TuningSweep(Study):
-    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
+ROWS = (
+    ("RMS error,\nN·m", MODEL),
+    ("overshoot, %", MEASURED),
+    ("roughness,\nN·m/s", ROUNDING),
+)
 
-    name = "tune"
-    title = "What a tunable trades"
+
+@styled
+def tuning_trade(x: Array, figures: Array, *, parameter: str, chosen: float | None) -> Figure:
+    """What a parameter trades: the rows of ``figures``, NaN where a value is unusable."""
+    figure, grid = new_figure(9.6, 5.0, nrows=3, sharex=True)
+    log = bool(x[0] > 0 and x[-1] > 10 * x[0])
+    if log:
+        frequency_axis(grid[-1], float(x[0]), float(x[-1]))
+    edges = np.exp(cell_edges(np.log(x))) if log else cell_edges(x)
+    broken = np.flatnonzero(np.isnan(figures).any(axis=0))
+    for axes, y, (label, colour) in zip(grid, figures, ROWS, strict=True):
+        axes.plot(x, y, color=colour, lw=1.4, marker="o", ms=3.5)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0)
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        if chosen is not None:
+            axes.axvline(chosen, color=INK, lw=1, ls=(0, (4, 2)), label=f"chosen: {chosen:g}")
+        band: dict[str, Any] = {"color": "#efc9b0", "lw": 0, "zorder": 0, "label": "unusable"}
+        for k in broken:
+            axes.axvspan(edges[k], edges[k + 1], **band)
+            band.pop("label", None)
+    grid[-1].set_xlabel(parameter)
+    figure.align_ylabels(list(grid))
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=3)
+    return figure
