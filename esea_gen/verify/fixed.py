@@ -35,7 +35,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
-from esea_gen.verify.executor import evaluate, expected_counters
+from esea_gen.verify.executor import KernelTrajectory, evaluate, expected_counters
 from esea_gen.verify.runs import changed_by_restore, run_c, run_symbolic
 from esea_gen.verify.verdict import LASTING, ONE_STEP, Comparison
 
@@ -246,15 +246,8 @@ def first_difference(
     computed = defined(plan.step, places, count)
     expected_y, expected_s = executor.stepped(computed, count)
     expected_s |= expected_counters(plan.block, stream, expected_y)
-    found = []
-    for kind, mine, other in (("output", expected_y, outputs), ("state", expected_s, states)):
-        for name, a in mine.items():
-            b = other[name]
-            wrong = (np.asarray(a) != np.asarray(b)).reshape(len(a), -1).any(axis=1)
-            if wrong.any():
-                k = int(np.argmax(wrong))
-                found.append((k, f"{stream.name}: {kind} {name} at step {k}: {b[k]} not {a[k]}"))
-    return (min(found)[1] if found else ""), outputs, states, computed
+    expected = KernelTrajectory(stream, expected_y, expected_s)
+    return expected.first_difference(outputs, states), outputs, states, computed
 
 
 def compare_fixed(
