@@ -31,7 +31,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Blocks, Systems, devices",
         ("language.ports", "language.block", "language.system", "device", "control.law", "errors"),
     ),
-    "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library")),
+    "c": ("Loading C", ("hostlib.library",)),
     "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",

@@ -18,7 +18,7 @@ from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.verify.executor import coefficients_of, evaluate, initial_state, step_arguments
+from esea_gen.verify.executor import coefficients_of, evaluate, step_arguments
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
 
@@ -59,8 +59,7 @@ class StepRule:
             ),
             self.kernel.results,
         )
-        self._coefficients = {f: coefficients_of(block, FORMATS[f], {}) for f in ("f32", "f64")}
-        self._initial = initial_state(block, single, self._coefficients["f32"])
+        self._coefficients = coefficients_of(block, double, {})
 
     def compare(
         self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
@@ -68,13 +67,11 @@ class StepRule:
         """Hold every step of a run of the C against the symbolic step from the same memory."""
         found = OneStep()
         single = FORMATS["f32"]
-        given = step_arguments(
-            self.block, stream, states, self._initial, self._coefficients["f32"], single
-        )
+        given = step_arguments(self.block, stream, states, single)
         values = evaluate(self.kernel, single, given)
         chosen = np.stack([values[i] for i in self.decisions], axis=1).astype(float)
         # From here on float64, on the same numbers; but its own coefficients.
-        double = [np.tile(c, (stream.steps, 1)) for c in self._coefficients["f64"]] + [
+        double = [np.tile(c, (stream.steps, 1)) for c in self._coefficients] + [
             a.astype(np.float64) for a in given[len(self.block.coefficients) :]
         ]
         told = evaluate(self.told, FORMATS["f64"], [*double, chosen])

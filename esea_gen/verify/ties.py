@@ -138,16 +138,12 @@ class _Aim:
 
 def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
     # Any step of the given streams that lies within all ports' ranges.
-    double = FORMATS["f64"]
-    coefficients = coefficients_of(aim.block, double, {})
-    initial = initial_state(aim.block, double, coefficients)
     found: list[list[Array]] = []
     for stream in tried:
         if stream.coefficients:
             continue
         _, states = run_symbolic(aim.block, stream)
-        arguments = step_arguments(aim.block, stream, states, initial, coefficients, double)
-        arguments = arguments[aim.first :]
+        arguments = step_arguments(aim.block, stream, states, FORMATS["f64"])[aim.first :]
         inside = np.all(
             [
                 np.all((a >= p.low) & (a <= p.high), axis=1)

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_status
 from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
@@ -32,13 +31,11 @@ from esea_gen.control.limits.safety import (
 )
 from esea_gen.control.limits.streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations
 
 BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anything was delivered
 FADE, BRAKE = 0.8, 0.9  # shares of the largest speed: pushing on fades from the first to the second
@@ -99,7 +96,7 @@ def limits(device: DeviceData) -> Block:
         state=_state(n),
         inputs=_inputs(n),
         outputs=_outputs(n),
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         step=partial(limit_step, n, coefficients),
         streams=STREAMS,
         starts_latched=True,
@@ -137,7 +134,7 @@ def _coefficients(n: LimitNumbers, tunables: tuple[Tunable, ...]) -> tuple[Port,
     steep = most * n.u_max / (fade * slowest)
     only_brakes = 0.99 * BRAKE * slowest, most * BRAKE * n.omega_max
     return (
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name != "u_rate_Nm_s"),
+        *(t.port for t in tunables if t.name != "u_rate_Nm_s"),
         Port("u_step_Nm", least * n.step_max, most * n.step_max, "largest change in a period"),
         Port("trip_low_rad", n.trip_low - room, n.rom_max, "joint angle below which it trips"),
         Port("trip_high_rad", n.rom_min, n.trip_high + room, "joint angle above which it trips"),
@@ -227,16 +224,11 @@ def _outputs(n: LimitNumbers) -> tuple[Port, ...]:
     )
 
 
-def _equations() -> tuple[Any, ...]:
-    u, b, a, m, w, v, th = sp.symbols("U b a m W omega theta_l")
-    h, tau, omega_l = sp.symbols("h tau omega_l")
-    speed = u * (sp.Rational(9, 10) * w - v) / (w / 10)
-    up = sp.Min(u, sp.Max(0, u * (b - th) / m), sp.Max(0, speed))
-    down = sp.Min(u, sp.Max(0, u * (th - a) / m), sp.Max(0, speed.subs(v, -v)))
-    given = sp.Function("sum")(h * sp.Max(0, tau * omega_l))
-    window = "energy given to the limb, over the present slot and the ten before it"
-    return (
-        equation("[lim 1]", "u_+", up, "largest push towards larger angles"),
-        equation("[lim 2]", "u_-", down, "largest push towards smaller angles"),
-        equation("[lim 3]", "E", given, window),
-    )
+EQUATIONS = """
+    [lim 1] | u_+ | Min(U, Max(0, U * (b - theta_l) / m), Max(0, U * (9/10 * W - omega) / (W/10))) \
+        | largest push towards larger angles
+    [lim 2] | u_- | Min(U, Max(0, U * (theta_l - a) / m), Max(0, U * (9/10 * W + omega) / (W/10))) \
+        | largest push towards smaller angles
+    [lim 3] | E | sum(h * Max(0, tau * omega_l)) | \
+        energy given to the limb, over the present slot and the ten before it
+"""

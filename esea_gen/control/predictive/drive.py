@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.control.predictive.cable_model import CableModel
 from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import predictive_program
 from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Port, Tunable, around, clip
 from esea_gen.language.program import Program
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
@@ -75,7 +72,7 @@ def drive_model(
         tunables=tunables,
         coefficients=coefficients,
         prepare=plant.prepare,
-        equations=_equations(impedance, train),
+        equations=equations(EQUATIONS + (IMPEDANCE if impedance else TORQUE)),
     )
 
 
@@ -319,20 +316,16 @@ def predictive_controller(
     return predictive_program(model, horizon, period_s=period, title=title, cap=cap)
 
 
-def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:
-    n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
-    fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
-    q, r, e = sp.symbols("Q R e")
-    w = sp.Symbol("omega_w")
-    friction = fv * om + fc * sp.tanh(om / w)
-    error: sp.Expr = tau_e - tau_d
-    if impedance:
-        kp, kd, th, thd, ol, od = sp.symbols("K_p K_d theta_l theta_d omega_l omega_d")
-        error = error + kp * (th - thd) + kd * (ol - od)
-    return (
-        equation("(5.1)", "u_a'", (u - ua) / tau_c, "lag of the motor"),
-        equation("(5.2)", "omega_m'", (n * ua - friction - tau_e) / j + d4, "motor side"),
-        equation("(5.3)", "omega_l'", (tau_e + tau_h) / jh, "load side"),
-        equation("(5.24)" if impedance else "[error]", "e", error, "what the cost weighs"),
-        equation("[cost]", "c_k", q * e**2 + r * ((u - ua) / tau_c) ** 2, "summed over k"),
-    )
+EQUATIONS = """
+    (5.1) | u_a' | (u_c - u_a) / tau_c | lag of the motor
+    (5.2) | omega_m' | (n * u_a - f_v * omega_m - f_c * tanh(omega_m / omega_w) - tau_e) / J \
+        + d_4 | motor side
+    (5.3) | omega_l' | (tau_e + tau_h) / J_h | load side
+"""
+COST = "\n[cost] | c_k | Q * e**2 + R * ((u_c - u_a) / tau_c)**2 | summed over k"
+TORQUE = "[error] | e | tau_e - tau_d | what the cost weighs" + COST
+IMPEDANCE = (
+    """(5.24) | e | tau_e - tau_d + K_p * (theta_l - theta_d) \
+    + K_d * (omega_l - omega_d) | what the cost weighs"""
+    + COST
+)

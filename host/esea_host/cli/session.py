@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,7 @@ from esea_host.cli.options import KeyOption
 from esea_host.cli.study import (
     CodeArgument,
     FolderArgument,
+    OperatorOption,
     SessionOption,
     TrustOption,
     opened,
@@ -48,16 +49,18 @@ class PatchMode(StrEnum):
 
 
 DeviceOption = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--device",
-        help="simulated: each task's own person; virtual: a person in the virtual device; pointer: "
-        "you, moving that person's hand with the mouse; or a board: serial:..., tcp:..., "
-        "sim:wrist_drive with a person in it",
+        help="A study of real people has no default. simulated: each task's own person; virtual: "
+        "a person in the virtual device; pointer: you, moving that person's hand with the mouse; "
+        "or a board: serial:..., tcp:..., sim:wrist_drive with a person in it",
     ),
 ]
 HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
-SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
+SeedOption = Annotated[
+    int | None, typer.Option("--seed", help="Of the simulated participant; default: 1.")
+]
 SpeedOption = Annotated[
     float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
 ]
@@ -87,6 +90,15 @@ class _Asked:
     early: str
     mass: float | None
     lever: float | None
+    log: Path
+    rehearsal: bool
+    opening: str
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """With what resume goes on."""
+        names = ("device", "seed", "arm", "mass", "lever")
+        return {n: x for n in names if (x := getattr(self, n)) is not None}
 
 
 @study_app.command(
@@ -98,13 +110,13 @@ def run(
     folder: FolderArgument,
     code: CodeArgument,
     session: SessionOption = 1,
-    device: DeviceOption = SIMULATED,
+    device: DeviceOption = None,
     key: KeyOption = None,
     arm: Annotated[
         bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
     ] = False,
     headless: HeadlessOption = False,
-    seed: SeedOption = 1,
+    seed: SeedOption = None,
     speed: SpeedOption = 1.0,
     language: Annotated[
         str, typer.Option("--language", help="Of what the participant reads: en, de.")
@@ -126,11 +138,30 @@ def run(
     lever: Annotated[
         float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
     ] = None,
+    rehearsal: Annotated[
+        bool,
+        typer.Option(
+            "--rehearsal", help="Try the session out, with any device; it counts for nobody."
+        ),
+    ] = False,
+    opening: Annotated[
+        str,
+        typer.Option(
+            "--open",
+            metavar="CODE",
+            help="First session: opening code of the participant's place, or the sealed list.",
+        ),
+    ] = "",
     trust: TrustOption = None,
+    operator: OperatorOption = "",
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
-    study = opened(folder, trust)
+    study = opened(folder, trust, operator=operator)
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
+    if rehearsal and begun:
+        raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
+    if rehearsal:
+        path = study.new_rehearsal(session - 1)
     if begun and not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     if path.exists() and not begun:
@@ -139,11 +170,43 @@ def run(
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
     if not begun or _remains(path):
+        former = _recorded(path) if begun else {}
+        device = _device(study, device, former.get("device"), rehearsal)
+        arm, seed = arm or bool(former.get("arm")), former.get("seed", 1) if seed is None else seed
+        mass, lever = mass or former.get("mass"), lever or former.get("lever")
         asked = _Asked(
             device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever,
+            mass, lever, path, rehearsal, opening,
         )  # fmt: skip
         _run(study, code, session, asked)
+
+
+def _recorded(path: Path) -> dict[str, Any]:
+    from esea_host.study.session import read_session
+
+    return dict(read_session(path).about.get("device", {}))
+
+
+def _nobody(device: str) -> bool:
+    return device in (SIMULATED, VIRTUAL, POINTER) or device.startswith("sim:")
+
+
+def _device(study: StudyFolder, given: str | None, former: str | None, rehearsal: bool) -> str:
+    # As the session was begun; a board may have got another address meanwhile.
+    if given and former and given != former and (_nobody(given) or _nobody(former)):
+        raise UserError(
+            f"The session was begun with --device {former}, not {given}.",
+            "Leave --device out: it goes on with the same.",
+        )
+    device = given or former or (SIMULATED if study.simulated or rehearsal else "")
+    if not device:
+        raise UserError(
+            f"{study.path} is a study of real people: no device is the default.",
+            "Name the board: --device serial:... or tcp:...; to try the session out: --rehearsal.",
+        )
+    if not rehearsal and not study.simulated and _nobody(device):
+        study.must_suit(simulated=True)
+    return device
 
 
 def _remains(path: Path) -> bool:
@@ -176,21 +239,23 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     try:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if not asked.rehearsal and (told := study.disclose(code, asked.opening)):
+                out.print(told)
             if asked.headless:
-                state, reason = _headless(study, code, number - 1, source, asked.early)
+                state, reason = _headless(study, code, number - 1, source, asked)
             else:
                 given = study, code, number - 1, source, board, asked, pointed
                 state, reason = _in_windows(*given)
     except OSError as error:
         raise UserError(
-            f"{study.log_of(code, number - 1)}: cannot be written ({error.strerror or error}).",
+            f"{asked.log}: cannot be written ({error.strerror or error}).",
             "What was written before is whole; make room, then go on with study resume.",
         ) from None
-    if asked.device != SIMULATED and study.protocol.file.groups:
+    if not asked.rehearsal and asked.device != SIMULATED and study.protocol.file.groups:
         _name_recordings(study)
     done = len(state.plan.trials) - len(state.remaining)
-    nobody = asked.device in (SIMULATED, VIRTUAL) or asked.device.startswith("sim:")
-    whose = "Simulated participant: " if nobody else ""
+    whose = "REHEARSAL: " if asked.rehearsal else ""
+    whose += "Simulated participant: " if state.simulated else ""
     out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
     if reason:
         raise UserError(
@@ -199,9 +264,9 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
 
 
 def _headless(
-    study: StudyFolder, code: str, number: int, source: InputSource, early: str
+    study: StudyFolder, code: str, number: int, source: InputSource, asked: _Asked
 ) -> tuple[SessionState, str]:
-    session = study.session(code, number, source, _today(study), early)
+    session = study.session(code, number, source, *_opening(study, asked))
     try:
         reason = session.run()
         study.finish(code, number, session)
@@ -210,9 +275,10 @@ def _headless(
     return session.state, reason
 
 
-def _today(study: StudyFolder) -> int | None:
+def _opening(study: StudyFolder, asked: _Asked) -> tuple[Any, ...]:
     # Simulated people need no washout.
-    return None if study.simulated else date.today().toordinal()
+    day = None if study.simulated else date.today().toordinal()
+    return day, asked.early, asked.log if asked.rehearsal else None, asked.recorded
 
 
 def _in_windows(
@@ -225,13 +291,12 @@ def _in_windows(
     pointed: list[tuple[float, float]],
 ) -> tuple[SessionState, str]:
     from esea_host.study.conductor import Conductor
-    from esea_host.study.session import read_session
     from esea_host.windows.study.running import run_windows
 
     # A board has its own clock: it is waited for anyhow.
     speed = asked.speed if board is None else math.inf
-    given = study, code, number, source, speed, asked.hold, _today(study), asked.early
-    conductor = Conductor(*given)
+    given = study, code, number, source, speed, asked.hold
+    conductor = Conductor(*given, *_opening(study, asked))
 
     def point(place: tuple[float, float]) -> None:
         pointed[0] = place
@@ -239,7 +304,7 @@ def _in_windows(
     run_windows(conductor, board, asked.language, asked.dark, asked.patch.value, asked.close, point)
     if conductor.error is not None:
         raise conductor.error
-    return read_session(study.log_of(code, number)), conductor.reason
+    return conductor.state, conductor.reason
 
 
 def _name_recordings(study: StudyFolder) -> None:
@@ -260,7 +325,7 @@ def _source(
 
     if asked.device == SIMULATED:
         return SimulatedSource(asked.seed), None
-    folder = study.log_of(code, number - 1).parent
+    folder = asked.log.parent
     if asked.device in (VIRTUAL, POINTER):
         by_hand = pointer if asked.device == POINTER else None
         source = _virtual(study, code, folder, asked.seed, by_hand)

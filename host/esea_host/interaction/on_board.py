@@ -93,6 +93,10 @@ class ElementBoard(InputSource):
         self._aims = [0.0]
         self._confirmed = self._state = ""
 
+    @property
+    def simulated(self) -> bool:
+        return self.inner.simulated
+
     def ready(self) -> Mapping[str, Any]:
         self.inner.listen_to(self)
         return self.inner.ready()

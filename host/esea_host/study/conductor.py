@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
-from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
+from esea_host.study.session import ABORTED, PENDING, RUNNING, SessionState, StudySession
 from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import TaskStep
 
@@ -128,11 +129,13 @@ class Conductor(SessionWatcher):
         hold: bool = False,
         day: int | None = None,
         early: str = "",
+        rehearsal: Path | None = None,
+        device: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
         self.source, self.speed = source, speed
-        self._session = study.session(code, number, source, day, early)
+        self._session = study.session(code, number, source, day, early, rehearsal, device)
         self.plan = self._session.state.plan
         self.states: Mapping[int, str] = dict(self._session.state.states)
         self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
@@ -161,6 +164,11 @@ class Conductor(SessionWatcher):
 
     def join(self, timeout_s: float | None = None) -> None:
         self._thread.join(timeout_s)
+
+    @property
+    def state(self) -> SessionState:
+        """What the log says; while the session runs, what it said at the last look."""
+        return self._session.state
 
     @property
     def over(self) -> bool:

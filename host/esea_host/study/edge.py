@@ -24,7 +24,7 @@ def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
         return part(*given)
     except (TaskBrokenError, UserError):
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
 
 

@@ -72,6 +72,19 @@ class StudyCondition(_Table):
     parameters: dict[str, Any] = Field({}, description="for tasks that have them")
 
 
+class GroupAllocation(_Table):
+    """How the list of ``study allocate`` is drawn."""
+
+    blocks: tuple[int, ...] = Field(
+        (),
+        description="sizes of the permuted blocks, drawn at random; without them 2, 3 and 4 times "
+        "the number of groups",
+    )
+    strata: dict[str, tuple[str, ...]] = Field(
+        {}, description="factors and their levels: a list for each combination of levels"
+    )
+
+
 class ProtocolFile(_Table):
     """A whole study."""
 
@@ -80,13 +93,14 @@ class ProtocolFile(_Table):
     title: str = Field(description="one line")
     seed: int = Field(ge=0, le=2**31 - 1, description="of every random order of the study")
     tasks: tuple[str, ...] = Field((), description="files with tasks, beside this one")
-    blinded: tuple[Literal["operator", "participant"], ...] = Field(
+    blinded: tuple[Literal["operator", "participant", "analyst"], ...] = Field(
         (), description="who does not see the group"
     )
     conditions: dict[str, StudyCondition] = Field({}, description="conditions by name")
     groups: dict[str, tuple[str, ...]] = Field(
         {}, description="cross-over: per group, the condition of each session"
     )
+    allocation: GroupAllocation = Field(GroupAllocation(), description="of participants to groups")
     stopping: Stopping = Field(Stopping(), description="when a session ends early")
     session: tuple[SessionPlan, ...] = Field(min_length=1, description="the sessions")
 
@@ -146,8 +160,39 @@ def parameters_of(
     return found
 
 
+def block_sizes(file: ProtocolFile) -> tuple[int, ...]:
+    return file.allocation.blocks or tuple(k * len(file.groups) for k in (2, 3, 4))
+
+
+def group_decides(file: ProtocolFile, session: int, block: str) -> bool:
+    """Whether the group decides the condition of a block, by its name in the log."""
+    by_group = {b.name for b in file.session[session].block if b.condition == GROUP}
+    return block in by_group or block.rpartition(" ")[0] in by_group
+
+
+def _check_allocation(protocol: Protocol) -> None:
+    file, where = protocol.file, protocol.line("allocation")
+    if file.allocation != GroupAllocation() and not file.groups:
+        raise UserError(f"{where}: there are no groups.", "Add [groups].")
+    sizes, groups = file.allocation.blocks, len(file.groups)
+    if sizes and (len(set(sizes)) < 2 or any(s <= 0 or s % groups or s > 100 for s in sizes)):
+        raise UserError(
+            f"{where}: blocks = {list(sizes)}; at least two different sizes are needed, each a "
+            f"multiple of the {groups} groups and at most 100.",
+            f"Write for example: blocks = {[k * groups for k in (2, 3, 4)]}.",
+        )
+    for factor, levels in file.allocation.strata.items():
+        if not levels or len(set(levels)) < len(levels) or any(c in "=,|" for c in factor):
+            raise UserError(
+                f"{protocol.line('allocation', 'strata', factor)}: factor {factor!r} has the "
+                f"levels {list(levels)}.",
+                "Name each level once; a factor's name has no '=', ',' or '|'.",
+            )
+
+
 def _check(protocol: Protocol) -> None:
     file = protocol.file
+    _check_allocation(protocol)
     for group, order in file.groups.items():
         where = protocol.line("groups", group)
         if len(order) != len(file.session):
