@@ -9,9 +9,9 @@ import numpy as np
 
 from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing, Velocity
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
-from esea_gen.devices.writing import render_toml
 from esea_gen.identify.published.fit import Fit, Progress, search
 from esea_gen.identify.published.plant import FittedPlant, Uncertainty
 from esea_gen.identify.published.search_problem import Searching
