@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device, parse_device
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity, Series, changed
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.files import plain, write_whole
 from esea_gen.identify.recording.channels import ChannelNumber

@@ -25,8 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_gen.identify.drafting import draft
-from esea_gen.identify.identification import fit_split
+from esea_gen.identify.drafting import draft, fit_split
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.mapping import load_mapping

@@ -27,7 +27,7 @@ from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 from esea_gen.studies.uncertainty.motions import LOAD_HZ, LOAD_RAD, SENSE_RATE
 from esea_gen.twin.trajectories import reaches
 
