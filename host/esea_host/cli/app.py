@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
@@ -82,6 +83,13 @@ out = _Terminal(highlight=False, markup=False, soft_wrap=True)
 def told(text: str) -> None:
     """What is being done, while it is: beside the result, not in it."""
     print(shown_lines(text), file=sys.stderr, flush=True)
+
+
+def say_left_out(lines: Sequence[str]) -> None:
+    """What is not used, and why, before anything else."""
+    out.print("Left out:" if lines else "Nothing is left out.")
+    for line in lines:
+        out.print(f"  {line}")
 
 
 def main() -> None:

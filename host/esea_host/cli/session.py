@@ -92,6 +92,7 @@ class _Asked:
     lever: float | None
     log: Path
     rehearsal: bool
+    opening: str
 
     @property
     def recorded(self) -> dict[str, Any]:
@@ -118,8 +119,8 @@ def run(
     seed: SeedOption = None,
     speed: SpeedOption = 1.0,
     language: Annotated[
-        str, typer.Option("--language", help="Of what the participant reads: en, de.")
-    ] = "en",
+        str, typer.Option("--language", help="Of both windows: en, de; default: the protocol's.")
+    ] = "",
     patch: Annotated[
         PatchMode,
         typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
@@ -143,6 +144,14 @@ def run(
             "--rehearsal", help="Try the session out, with any device; it counts for nobody."
         ),
     ] = False,
+    opening: Annotated[
+        str,
+        typer.Option(
+            "--open",
+            metavar="CODE",
+            help="First session: opening code of the participant's place, or the sealed list.",
+        ),
+    ] = "",
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
@@ -167,7 +176,7 @@ def run(
         mass, lever = mass or former.get("mass"), lever or former.get("lever")
         asked = _Asked(
             device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever, path, rehearsal,
+            mass, lever, path, rehearsal, opening,
         )  # fmt: skip
         _run(study, code, session, asked)
 
@@ -217,9 +226,7 @@ def _remains(path: Path) -> bool:
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
-    from esea_host.study.scene import catalogue
-
-    catalogue(asked.language)
+    study.protocol.words(asked.language)
     if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
         raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:
@@ -230,6 +237,8 @@ def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
     try:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if not asked.rehearsal and (told := study.disclose(code, asked.opening)):
+                out.print(told)
             if asked.headless:
                 state, reason = _headless(study, code, number - 1, source, asked)
             else:

@@ -151,13 +151,16 @@ def enrol(
     obtained_by: Annotated[
         str, typer.Option("--obtained-by", help="Who obtained the consent; default: the operator.")
     ] = "",
+    stratum: Annotated[
+        list[str] | None,
+        typer.Option("--stratum", metavar="FACTOR=LEVEL", help="Of the allocation; one each."),
+    ] = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Take a participant in, by code."""
+    """Take a participant in, by code; a group is disclosed at the first session."""
     study = opened(folder, runs=False, operator=operator)
-    study.enrol(code, consent, form, date, obtained_by)
-    group = study.group_shown(code, "operator")
-    out.print(f"{code} enrolled; group: {group or 'none'}")
+    study.enrol(code, consent, form, date, obtained_by, stratum or ())
+    out.print(f"{code} enrolled")
 
 
 @study_app.command(

@@ -57,6 +57,11 @@ class RecordingEntry(BaseModel):
     element: Literal["spring", "elastomer"]
     task: str = Field(min_length=1)
 
+    def swapped(self) -> RecordingEntry:
+        element = {"spring": "elastomer", "elastomer": "spring"}[self.element]
+        other = {"element": element, "group": {"A": "B", "B": "A"}[self.group]}
+        return self.model_copy(update=other)
+
 
 class Manifest(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -173,9 +178,15 @@ def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
     return theta, fs_Hz, table
 
 
-def read_recordings(folder: Path) -> Recordings:
-    """Manifest and all recordings; of each the analysed part with room for the filter."""
+def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
+    """Manifest and all recordings; of each the analysed part with room for the filter.
+
+    swapped: either element by the other's name, for a blinded analysis.
+    """
     manifest = read_manifest(folder)
+    if swapped:
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
     gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     named = {e.participant for e in manifest.recording}
     left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]

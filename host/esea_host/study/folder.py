@@ -1,4 +1,4 @@
-"""The folder of a study: participants by code, consent, groups, audit, deletion, export.
+"""The folder of a study: participants by code, consent, groups, audit, deletion.
 
 ``protocol.toml`` is the protocol as it was at the start, with the ``tasks`` it names,
 ``audit.jsonl`` the chained record of all that was done, ``<code>/session-<n>/events.jsonl`` each
@@ -7,9 +7,7 @@ session.  No name of a person is anywhere.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import json
 import re
 import shutil
 import warnings
@@ -22,10 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.files import locked, new_whole
+from esea_gen.files import locked
 from esea_gen.toml_file import read_text
+from esea_host.study.allocation import Allocations, stratum_named
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
-from esea_host.study.plan import build_plan, generator, group_of
+from esea_host.study.plan import build_plan
+from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.records import check_record, lack, program, renamed
 from esea_host.study.session import StudySession, read_session, state_of
@@ -37,6 +37,7 @@ LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
+TEXTS = "texts"
 
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
@@ -86,10 +87,13 @@ class StudyFolder:
         study.simulated = simulated
         study.must_know_operator()
         (path / PROTOCOL).write_text(protocol.text, encoding="utf-8")
-        for code in protocol.code:
-            (path / TASKS).mkdir(exist_ok=True)
-            (path / TASKS / code.path.name).write_bytes(code.content)
-        about = {"content": study.content(), "program": program()}
+        for folder, files in ((TASKS, protocol.code), (TEXTS, protocol.texts)):
+            for file in files:
+                (path / folder).mkdir(exist_ok=True)
+                (path / folder / file.path.name).write_bytes(file.content)
+        about: dict[str, Any] = {"content": study.content(), "program": program()}
+        if not simulated:
+            about |= {"key": fingerprint(study_key(path)), "allocation": "list"}
         study.record("created", protocol=protocol.file.name, simulated=simulated, **about)
         return study
 
@@ -98,12 +102,12 @@ class StudyFolder:
         """A study that is there."""
         if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
-        files = [path / PROTOCOL, path / AUDIT, *sorted((path / TASKS).glob("*.py"))]
-        for file in files:
+        tasks, texts = sorted((path / TASKS).glob("*.py")), sorted((path / TEXTS).glob("*.toml"))
+        for file in (path / PROTOCOL, path / AUDIT, *tasks, *texts):
             inside(path, file.relative_to(path), str(path))
         text = read_text(path / PROTOCOL, "Name a study's folder.")
-        codes = [read_code(p) for p in files[2:]]
-        return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable, by)
+        given = [read_code(p) for p in tasks], runs, [read_code(p) for p in texts]
+        return cls(path, parse_protocol(text, PROTOCOL, (), *given), durable, by)
 
     def content_at_first(self) -> Mapping[str, str]:
         """As :meth:`content` when the study was created; empty where it was not recorded."""
@@ -113,14 +117,18 @@ class StudyFolder:
 
     def content(self) -> dict[str, str]:
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
-        return found | {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        found |= {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        return found | {f"{TEXTS}/{t.path.name}": t.sha256 for t in self.protocol.texts}
 
     # -- audit --------------------------------------------------------------------------------
 
     @cached_property
     def simulated(self) -> bool:
         """Whether no real person takes part; decided when the study was created."""
-        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+        entries = self.trail(strict=False)
+        if not self._found.sound_bytes:  # the first line, which says it, is not what was written
+            self._found.sound(self.path / AUDIT)
+        return bool(entries) and bool(entries[0].data.get("simulated"))
 
     def must_know_operator(self) -> None:
         if not self.by and not self.simulated:
@@ -224,10 +232,19 @@ class StudyFolder:
         return {d["participant"] for k, d in self.audited_anyway() if k == kind}
 
     def enrol(
-        self, code: str, consent: bool, form: str = "", date: str = "", obtained_by: str = ""
+        self,
+        code: str,
+        consent: bool,
+        form: str = "",
+        date: str = "",
+        obtained_by: str = "",
+        strata: Sequence[str] = (),
     ) -> None:
-        """Take a participant in; of the consent: the form's version, its date, who obtained it."""
-        self.enrol_all([code], consent, form, date, obtained_by)
+        """Take a participant in; of the consent: the form's version, its date, who obtained it.
+
+        strata: ``factor=level`` words of the allocation.
+        """
+        self.enrol_all([code], consent, form, date, obtained_by, strata)
 
     def enrol_all(
         self,
@@ -236,7 +253,9 @@ class StudyFolder:
         form: str = "",
         date: str = "",
         obtained_by: str = "",
+        strata: Sequence[str] = (),
     ) -> None:
+        stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
             if not CODE.match(code):
                 raise UserError(
@@ -261,7 +280,7 @@ class StudyFolder:
             for code in codes:
                 if code in known:
                     raise UserError(f"{code} is taken.", "Give the next code.")
-                log.append(None, "enrol", {"participant": code})
+                log.append(None, "enrol", {"participant": code, "stratum": stratum})
                 log.append(None, "consent", {"participant": code, **given})
 
     def withdraw(self, code: str, reason: str = "") -> None:
@@ -349,7 +368,10 @@ class StudyFolder:
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)
-            plan, rows = build_plan(self.protocol, index, number), self.rows(code, number)
+            if self.allocations.needs_list:  # else the orders of trials would tell who came when
+                index = int.from_bytes(keyed(self.key, "order", code))
+            plan = build_plan(self.protocol, index, number, self.group(code))
+            rows = self.rows(code, number)
             session = StudySession(log, plan, code, source, rows, *given)
             if source is None:
                 return session
@@ -406,11 +428,59 @@ class StudyFolder:
         if not session.rehearsal:
             self.record("session_end", participant=code, session=number, head=session.log.head)
 
+    # -- groups -------------------------------------------------------------------------------
+
+    @property
+    def key(self) -> bytes:
+        """The secret key of codes, orders and sealed values."""
+        key = study_key(self.path)
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        if created.get("key", fingerprint(key)) != fingerprint(key):
+            raise UserError(
+                f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
+            )
+        return key
+
+    @property
+    def allocations(self) -> Allocations:
+        return Allocations(self.path, self.protocol, self.trail(), self.key)
+
+    def allocate(self, keep: Path, places: int, reason: str = "") -> list[str]:
+        """Draw the sealed list, as a third person; returns its strata."""
+        with self._trail() as trail:
+            entry = self.allocations.make(self.by, keep, places, reason)
+            trail.append(None, "allocate", entry)
+        return list(entry["strata"])
+
+    def disclose(self, code: str, opening: str = "") -> str:
+        """Disclose the group for the first session; returns what the operator may know of it."""
+        with self._trail() as trail:
+            self._must_be_here(code)
+            allocations = self.allocations
+            if allocations.group(code) is not None:
+                return ""
+            entry = allocations.disclose(code, opening, self.by, self.blinded("operator"))
+            trail.append(None, "disclose", entry)
+        group = self.group_shown(code, "operator")
+        return f"{code}: place {entry['place']} of the list, group {group}"
+
+    def group(self, code: str) -> str:
+        group = self.allocations.group(code)
+        if group is None:
+            raise UserError(f"{code} has no group yet.", "Begin with the first session.")
+        return group
+
+    def blinded(self, role: str) -> bool:
+        """Whether a role is blinded by the protocol, and has not been unblinded."""
+        unblinded = {d["role"] for k, d in self.audited_anyway() if k == "unblind"}
+        return role in self.protocol.file.blinded and role not in unblinded
+
     def group_shown(self, code: str, to: str) -> str:
         """The group as it may be shown to ``operator`` or ``participant``."""
-        if to in self.protocol.file.blinded:
+        if self.blinded(to):
             return "blinded"
-        return group_of(self.protocol, self.participants()[code])
+        group = self.allocations.group(code)
+        return "not disclosed yet" if group is None else group
 
     def delete(self, code: str, reason: str) -> int:
         """Delete a participant's data on demand; that it was done stays on record."""
@@ -432,31 +502,3 @@ class StudyFolder:
                 "Look at its rights, and at programs that use it; then delete it again.",
             )
         return len(files)
-
-    # -- export -------------------------------------------------------------------------------
-
-    def new_codes(self, seed: int) -> dict[str, str]:
-        codes = sorted({c for c, _, _ in self.sessions()})
-        order = generator(seed, 3).permutation(len(codes))
-        return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
-
-    def scrubbed(self, seed: int) -> list[dict[str, Any]]:
-        named = self.new_codes(seed).items()
-        return [
-            {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)
-        ]
-
-    def export(self, out: Path, seed: int = 0) -> int:
-        """Write data for others: new codes in random order, no notes, no audit, no group order."""
-        rows = self.scrubbed(seed)
-        names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with new_whole(out) as scratch:
-            scratch.mkdir()
-            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
-                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, names, extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(rows)
-            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
-        return len(rows)

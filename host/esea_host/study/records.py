@@ -34,6 +34,8 @@ RECORDS: Mapping[str, Mapping[str, type | tuple[str, ...]]] = {
         "action": str,
         "text": str,
     },
+    "allocate": {"file": str, "sha256": str, "places": int},
+    "disclose": {"participant": str, "stratum": str, "place": int},
     "unblind": {"role": str, "reason": str},
     "repair": {"log": str},
 }
