@@ -33,7 +33,7 @@ def template_folder() -> Path:
 
 
 def sample_folder() -> Path:
-    """Folder of the recordings that come along: inside the wheel, or in the tests of a checkout."""
+    """Folder of the recordings that come along: in the wheel, or in the tests of a checkout."""
     packaged = Path(__file__).parent / "_samples"
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "tests" / "data"
 
@@ -85,7 +85,6 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, and the folders that it stands in."""
     with written_whole(path) as scratch:
         scratch.write_bytes(content.encode() if isinstance(content, str) else content)
 
@@ -237,26 +236,28 @@ def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def result_schemas() -> dict[str, Path]:
-    """JSON schemas of results, by name."""
     folder = Path(__file__).parent / "schemas"
     return {p.stem: p for p in sorted(folder.glob("*.json"))}
 
 
 def result_schema(name: str) -> str:
-    """The JSON schema of a result."""
     known = result_schemas()
     choose("result", name, known)
     return known[name].read_text(encoding="utf-8")
 
 
+def read_json(path: Path, fix: str) -> Any:
+    data = read_whole(path, fix)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read as JSON ({error}).", fix) from None
+
+
 def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     """A result that :func:`write_json` wrote."""
     known, make = " or ".join(kinds), "Give the file that --json wrote."
-    data = read_whole(path, make)
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read as JSON ({error}).", make) from None
+    content = read_json(path, make)
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"

@@ -69,8 +69,6 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything beside the case that the numbers depend on."""
-
     parts: dict[str, Any]
 
     @property

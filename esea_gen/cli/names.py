@@ -25,8 +25,6 @@ PLANTS = ("ideal", "real", "random")
 
 @dataclass(frozen=True)
 class Written:
-    """A study as its source has it."""
-
     name: str
     title: str
     kind: str  # name of the class that it extends
@@ -66,12 +64,10 @@ def _literals(node: ast.ClassDef) -> dict[str, Any]:
 
 
 def closed_loop_studies() -> list[str]:
-    """What ``simulate`` takes."""
     return [s.name for s in written_studies().values() if s.kind == "ClosedLoopStudy"]
 
 
 def reproductions() -> list[Written]:
-    """What ``reproduce`` takes."""
     return [s for s in written_studies().values() if s.kind == "Reproduction"]
 
 
@@ -80,7 +76,6 @@ def _stems(folder: str, suffix: str) -> list[str]:
 
 
 def shipped() -> list[str]:
-    """Device files of the package."""
     return _stems("devices", ".toml")
 
 

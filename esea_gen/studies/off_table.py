@@ -54,8 +54,6 @@ def _row(done: Simulation) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OffTable:
-    """Outcome of a study for several families and controllers."""
-
     done: tuple[Simulation, ...]
 
     def rows(self) -> list[dict[str, Any]]:

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis import plots
-from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.impedance import OutputImpedance
+from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.studies.simulation import ClosedLoopStudy, Simulation, panel

@@ -54,8 +54,6 @@ MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
 class ClosedLoopStudy(Study):
-    """Cases of a controller against plant and person."""
-
     person: ClassVar[bool] = False  # somebody moves the load; else the output is fixed
     keeps: ClassVar[bool] = False  # table and JSON need what ``keep`` gives
     normalised: ClassVar[bool] = False  # errors over the largest torque, too: the thesis' measure
@@ -194,8 +192,6 @@ def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A study's outcome."""
-
     study: ClosedLoopStudy
     setting: Setting
     seeds: tuple[int, ...]

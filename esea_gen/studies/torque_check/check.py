@@ -55,8 +55,6 @@ Verdict = Literal["pass", "fail", "incomplete"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a recorded phase says."""
-
     label: str
     mean_Nm: float
     drift_Nm: float  # change along the straight line
@@ -68,8 +66,6 @@ class Measurement:
 
 @dataclass(frozen=True)
 class CheckDecision:
-    """One comparison with a limit."""
-
     criterion: str
     steps: tuple[str, ...]
     value_Nm: float
@@ -83,8 +79,6 @@ class CheckDecision:
 
 
 class TorqueCheck:
-    """A check under way."""
-
     def __init__(
         self,
         device: DeviceData,
@@ -148,7 +142,6 @@ class TorqueCheck:
 
     @property
     def missing(self) -> tuple[ProcedureStep, ...]:
-        """Phases still to be recorded."""
         return self.steps[len(self.measurements) :]
 
     def record(
@@ -170,7 +163,6 @@ class TorqueCheck:
         return measured
 
     def undo(self) -> None:
-        """Take the last recorded phase back, to record it again."""
         if self.measurements:
             self.measurements.pop()
 
@@ -342,7 +334,6 @@ class TorqueCheck:
         return check
 
     def report(self) -> list[str]:
-        """The result as lines of text for a person."""
         r, full = self.known, self.device.tau_full_scale_Nm
         angle = f", {math.degrees(r.angle_rad):g} deg off the horizontal" if r.angle_rad else ""
         lines = [

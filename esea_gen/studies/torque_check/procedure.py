@@ -20,8 +20,6 @@ def require(what: str, value: float, low: float, high: float, unit: str, fix: st
 
 @dataclass(frozen=True)
 class KnownLoad:
-    """The load, and how well it is known: standard uncertainties."""
-
     mass_kg: float
     arm_m: float
     angle_rad: float = 0.0

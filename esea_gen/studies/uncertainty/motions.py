@@ -14,7 +14,7 @@ import scipy  # its parts are read on first use
 from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.identify.published.plant import tunable_system
-from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
+from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.sensing import sensing_system

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES, label
+from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
 from esea_gen.studies.uncertainty.motions import (
@@ -50,7 +50,6 @@ class Figures:
         return max(abs(self.low_Nm), abs(self.high_Nm))
 
     def shares(self, full_scale_Nm: float) -> dict[str, float | int]:
-        """In Nm and in % of full scale."""
         out: dict[str, float | int] = {}
         for name, value in vars(self).items():
             out[name] = value
@@ -60,8 +59,6 @@ class Figures:
 
 
 class Tally:
-    """Errors of one source, counted as the runs come in."""
-
     def __init__(self, full_scale_Nm: float) -> None:
         self.finest = FINEST * full_scale_Nm
         self.top = math.log1p(WIDEST / FINEST)
