@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
+from esea_host.study.exchange import to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
@@ -344,13 +345,13 @@ def test_blinding_and_scrubbed_export(tmp_path, study):
     session.note("came with Anna")
     session.run()
     session.close()
-    assert study.export(tmp_path / "out") == 12
+    assert to_rows(study, tmp_path / "out") == 12
     held = "".join(p.read_text() for p in (tmp_path / "out").iterdir())
     assert "P01" not in held
     assert "Anna" not in held
     assert len([json.loads(x) for x in (tmp_path / "out" / "rows.jsonl").open()]) == 12
     with pytest.raises(UserError, match="not empty"):
-        study.export(tmp_path / "out")
+        to_rows(study, tmp_path / "out")
 
 
 # -- scenes ----------------------------------------------------------------------------------------
@@ -375,7 +376,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     folder = str(tmp_path / "s")
     assert "at most 2 min" in call("check", str(EXAMPLE))
     call("create", str(EXAMPLE), folder, "--simulated")
-    assert "group: A" in call("enrol", folder, "P01", "--consent")
+    assert "group" not in call("enrol", folder, "P01", "--consent")
     assert "Simulated participant: 12 of 12" in call("run", folder, "P01", "--headless")
     assert "the same, bit for bit" in call("replay", folder, "P01")
     assert "Every log is as it was written" in call("audit", folder)
@@ -385,7 +386,11 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("repeat", folder, "P01", "2", "--reason", "a cough")
     call("skip", folder, "P01", "2", "--reason", "no time")
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
-    assert "11 rows" in call("export", folder, str(tmp_path / "out"))
+    told = call("export", folder, str(tmp_path / "out"))
+    assert told.startswith("Left out:\n  P01, session 1, trial 2 skipped: no time\n")
+    assert "11 rows" in told
+    assert "1 participants" in call("export", folder, "--check")
+    assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 
