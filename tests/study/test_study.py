@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections import Counter
 from dataclasses import replace
 
@@ -214,6 +215,7 @@ WRONG = {f"event {n}": event({"x": x}) for n, x in ODD.items()} | {
     "no events": lambda made: replace(made, events=3),
     "no step": lambda made: None,
     "raises": lambda made: {}["theta"],
+    "exits": lambda made: sys.exit(3),
     "no scene": lambda made: replace(made, scene=None),
     "request": lambda made: replace(made, requests={"tau_desired_Nm": np.float64("nan")}),
     "request's kind": lambda made: replace(made, requests={"tau_desired_Nm": "1"}),
@@ -233,7 +235,7 @@ def test_what_a_task_returns_wrongly_fails_its_trial(study, kind, monkeypatch, w
     state = run_one(study).state
     assert state.ended.startswith("2 trials in a row failed, the last one: task steady_hold: ")
     assert [state.states[n] for n in (1, 2, 3)] == ["failed", "failed", "pending"]
-    if wrong != "raises":  # it would be raised in the replay again
+    if wrong not in ("raises", "exits"):  # it would be raised in the replay again
         assert all(same for _, _, same in replay(study.log_of("P01", 0)))
 
 

@@ -187,11 +187,10 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
     swapped: either element by the other's name, for a blinded analysis.
     """
     manifest = read_manifest(folder)
-    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     if swapped:
-        manifest = manifest.model_copy(
-            update={"recording": tuple(e.swapped() for e in manifest.recording)}
-        )
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     named = {e.participant for e in manifest.recording}
     left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
     there = [e for e in manifest.recording if e.participant not in gone]
