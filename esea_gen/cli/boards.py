@@ -18,7 +18,7 @@ from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import TaskID
 
     from esea_gen.device import Device
 
@@ -133,10 +133,6 @@ def emulate(
     out.next(*following)
 
 
-def _show(progress: Progress, bar: TaskID, done: int, _: int) -> None:
-    progress.update(bar, completed=done)
-
-
 def emulate_deflections(
     loaded: Device, board: str, deflections: dict[str, Any]
 ) -> dict[str, dict[str, Any]]:
@@ -150,13 +146,17 @@ def emulate_deflections(
     with tempfile.TemporaryDirectory() as scratch:
         image = build_firmware(loaded, board, Path(scratch) / "image")
         with progress_bar() as p:
+
+            def shown(bar: TaskID, done: int, _: int) -> None:
+                p.update(bar, completed=done)
+
             for name, theta in deflections.items():
                 bar = p.add_task(name, total=len(theta) * len(tasks))
                 found = run_tasks_in_emulator(
                     loaded,
                     image,
                     {t.name: deflection_inputs(loaded.system, theta, t) for t in tasks},
-                    progress=partial(_show, p, bar),
+                    progress=partial(shown, bar),
                 )
                 results |= {
                     f"{name}, {task}" if len(tasks) > 1 else name: result.to_dict()
