@@ -215,6 +215,7 @@ class Day:
         for name, key in chosen.items():
             box = operator.adverse.choices[name]
             box.setCurrentIndex(box.findData(key))
+        operator.adverse.text.setFocus()  # only a text field takes a space
         self.qtbot.keyClicks(operator.adverse.text, "Krampf im Unterarm")
         operator.adverse.record()
         self.key(operator, "P")
