@@ -34,21 +34,15 @@ def setpoint_rates(device: DeviceData, kind: Kind = "observer") -> Block:
     """Rate and acceleration of the deflection set-point: observer, or differences as published."""
     if kind not in get_args(Kind):
         raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
-    law = (_SetObserver if kind == "observer" else _Differences)(device)
-    constants = device.constants("timing")
-    return Block.of(
-        law,
-        "setpoint_rates",
-        f"{TITLE}: {law.by}",
-        constants=constants,
-        equations=equations(law.shown),
-    )
+    return Block.of((_SetObserver if kind == "observer" else _Differences)(device))
 
 
 TITLE = "Rate and acceleration of the deflection set-point"
 
 
 class _SetRates:
+    name = "setpoint_rates"
+    by: str
     held: str
     shown: str
 
@@ -59,16 +53,15 @@ class _SetRates:
         # What the whole motor torque could do to the bare drive, three times over: a larger one is
         # no acceleration that the drive could follow.
         self.acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)
-
-    def inputs(self) -> tuple[Port, ...]:
+        self.title = f"{TITLE}: {self.by}"
+        self.constants = device.constants("timing")
+        self.equations = equations(self.shown)
         text = "deflection set-point from the inverse"
-        return (around("theta_set_rad", self.delta_lim, text, on_invalid=self.held),)
-
-    def outputs(self) -> tuple[Port, ...]:
+        self.inputs = (around("theta_set_rad", self.delta_lim, text, on_invalid=self.held),)
         rate, acc = "delta_rate_rad_s", "delta_acc_rad_s2"
         clipped = "the rate, or the memory of the set-point, was clipped"
         fast = "the acceleration was clipped"
-        return (
+        self.outputs = (
             around("delta_set_rad", self.delta_lim, "deflection set-point"),
             around(rate, self.rate_lim, "its rate"),
             around(acc, self.acc_lim, "its acceleration"),
@@ -97,6 +90,17 @@ class _SetObserver(_SetRates):
         # The transient of a step over the whole range; an output is clipped, the memory is not.
         self.delta_room, self.rate_room = 2 * self.delta_lim, 4 * self.rate_lim
         self.acc_room = threshold(self.rate_room / self.h)
+        text = "bandwidth of the triple pole: higher follows faster, lower smooths the corners"
+        own = min(SETPOINT_BANDWIDTH_HZ, self.high)
+        self.tunables = (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
+        self.coefficients = triple_pole_ports(self.h)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("held_rad", self.delta_lim, "last valid set-point"),
+            around("delta_rad", self.delta_room, "filtered set-point"),
+            around("rate_rad_s", self.rate_room, "its rate"),
+            around("acc_rad_s2", self.acc_room, "its acceleration"),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return triple_pole_gains(t.bandwidth_Hz, self.h)
@@ -130,23 +134,6 @@ class _SetObserver(_SetRates):
         }
         return next_state, outputs
 
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "bandwidth of the triple pole: higher follows faster, lower smooths the corners"
-        own = min(SETPOINT_BANDWIDTH_HZ, self.high)
-        return (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
-
-    def coefficients(self) -> tuple[Port, ...]:
-        return triple_pole_ports(self.h)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("held_rad", self.delta_lim, "last valid set-point"),
-            around("delta_rad", self.delta_room, "filtered set-point"),
-            around("rate_rad_s", self.rate_room, "its rate"),
-            around("acc_rad_s2", self.acc_room, "its acceleration"),
-        )
-
 
 class _Differences(_SetRates):
     by, held = "plain differences", "delta_rad"
@@ -154,6 +141,15 @@ class _Differences(_SetRates):
         [set 1] | delta' | (delta_k - delta{k-1}) / h | first difference
         [set 2] | delta'' | (delta_k - 2 * delta{k-1} + delta{k-2}) / h**2 | second difference
     """
+
+    def __init__(self, device: DeviceData) -> None:
+        super().__init__(device)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port("moving", 0.0, 1.0, "1 once a rate is known"),
+            around("delta_rad", self.delta_lim, "set-point of the last step"),
+            around("rate_rad_s", self.rate_lim, "rate of the last step"),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         per_s = 1 / self.h
@@ -176,11 +172,3 @@ class _Differences(_SetRates):
             "status": guard.status(ca.fabs(raw) > self.rate_lim, ca.fabs(change) > self.acc_lim),
         }
         return next_state, outputs
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("moving", 0.0, 1.0, "1 once a rate is known"),
-            around("delta_rad", self.delta_lim, "set-point of the last step"),
-            around("rate_rad_s", self.rate_lim, "rate of the last step"),
-        )

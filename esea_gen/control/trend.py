@@ -50,23 +50,11 @@ FASTEST_HZ = 3.0
 # believed.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
     """Where the wanted torque goes, when only its past is known."""
-    law = _Trend(device, ends_s)
-    return Block.of(
-        law,
-        name,
-        "Wanted torque ahead, from its past",
-        coefficients=(
-            Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
-            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
-        ),
-        inputs=(around("tau_wanted_Nm", law.tau_lim, "wanted torque now", on_invalid="last_Nm"),),
-        equations=equations(EQUATIONS),
-        streams=OwnStreams(_events),
-    )
+    return Block.of(_Trend(device, ends_s, name))
 
 
 class _Trend:
-    def __init__(self, device: DeviceData, ends_s: Sequence[float]) -> None:
+    def __init__(self, device: DeviceData, ends_s: Sequence[float], name: str) -> None:
         drive = drive_of(device)
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
         self.ends_s = tuple(ends_s)
@@ -79,6 +67,51 @@ class _Trend:
         self.noise_lim = threshold(4.04 * self.step_lim)
         # The observer never needs to be farther off than from one end of the range to the other.
         self.miss_lim = threshold(2 * self.step_lim)
+        self.name = name
+        self.title = "Wanted torque ahead, from its past"
+        self.coefficients = (
+            Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
+            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
+        )
+        self.inputs = (
+            around("tau_wanted_Nm", self.tau_lim, "wanted torque now", on_invalid="last_Nm"),
+        )
+        self.equations = equations(EQUATIONS)
+        self.streams = OwnStreams(_events)
+        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
+        sees = "bandwidth without noise: higher sees sooner where it goes"
+        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
+        source = "docs/predictive.md"
+        self.tunables = (
+            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
+            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
+        )
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            around("last_Nm", self.tau_lim, "wanted torque of the last step"),
+            around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
+            around("grown_Nm", self.step_lim, "the same without steps", 2),
+            Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
+            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
+            around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
+            around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
+            around("acc_Nm_s2", self.acc_lim, "its acceleration"),
+        )
+        n = len(self.ends_s)
+        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
+        self.outputs = (
+            *((ahead,) if n else ()),
+            around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
+            around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
+            Port("trust", 0.0, 1.0, "share of both that is believed"),
+            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", "rate or acceleration is at its range", True),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {
@@ -150,46 +183,6 @@ class _Trend:
             "status": guard.status(full),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
-        sees = "bandwidth without noise: higher sees sooner where it goes"
-        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
-        source = "docs/predictive.md"
-        return (
-            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
-            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
-            around("last_Nm", self.tau_lim, "wanted torque of the last step"),
-            around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
-            around("grown_Nm", self.step_lim, "the same without steps", 2),
-            Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
-            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
-            around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
-            around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
-            around("acc_Nm_s2", self.acc_lim, "its acceleration"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        n = len(self.ends_s)
-        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
-        return (
-            *((ahead,) if n else ()),
-            around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
-            around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
-            Port("trust", 0.0, 1.0, "share of both that is believed"),
-            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            status_port(
-                "what is known of it",
-                "the input was NaN or outside its range; the last one counts",
-                "the state was corrupt; started afresh",
-                Flag("CLIPPED", "rate or acceleration is at its range", True),
-            ),
-        )
 
 
 def motion_limits(device: DeviceData) -> tuple[float, float]:

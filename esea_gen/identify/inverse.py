@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # its parts are read on first use
 
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import Inverse, field_facts
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.identify.drafting import files_of
@@ -44,7 +44,6 @@ from esea_gen.identify.published.search_problem import (
     runner_up,
     sobol_points,
 )
-from esea_gen.identify.published.space import with_values
 from esea_gen.identify.recording.recorded import Misfits, Recording
 from esea_gen.identify.recording.resampling import autocorrelation
 from esea_gen.language.ports import Array
@@ -75,7 +74,7 @@ class PlayPlant:
         self, device: Device, recordings: Sequence[Recording], rows: int | None = None
     ) -> None:
         # A trial's set-point may be far off: nothing may clip it.
-        wide = with_values(device, {}, limits={"theta_rad": 1e3})
+        wide = with_numbers(device, {"limits.theta_rad": 1e3})
         block = published_inverse(wide, tunable=True)
         self.runner: CRunner = compile_system(inverse_system(wide, block), "f64").block(block.name)
         self.evaluations = 0

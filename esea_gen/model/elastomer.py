@@ -88,7 +88,7 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
     coefficients = (
         Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
         Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
+        *(t.port for t in tunables if t.name in direct),
     )
 
     def prepare(t: SimpleNamespace) -> dict[str, Any]:
@@ -99,19 +99,10 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
 
 
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
-    model = _TorqueSensor(device, tunable)
-    return Block.of(
-        model,
-        "sensor",
-        "Elastomer torque sensor: deflection to interaction torque",
-        constants=model.constants,
-        **_tunable_ports(device, model.stops, model.rate_terms) if tunable else {},
-        equations=_equations(model.rate_terms, model.dead_zone > 0),
-        split=model.split(),
-        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
-        facts={"share": (0.0, 1.0)} if model.rate_terms else {},
-        streams=STREAMS,
-    )
+    law = _TorqueSensor(device, tunable)
+    if not tunable:
+        return Block.of(law)
+    return Block.of(law, **_tunable_ports(device, law.stops, law.rate_terms))
 
 
 class _TorqueSensor:
@@ -133,8 +124,47 @@ class _TorqueSensor:
         self.omega_domain = threshold(file.domain.omega_max_rad_s.value)
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
         self.step_max = threshold(self.omega_lim * self.h)
+        self.name = "sensor"
+        self.title = "Elastomer torque sensor: deflection to interaction torque"
+        self.equations = _equations(self.rate_terms, self.dead_zone > 0)
+        self.split = self._cuts()
+        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
+        self.facts = {"share": (0.0, 1.0)} if self.rate_terms else {}
+        self.streams = STREAMS
+        plays = "play states F_i = theta - E_i of the stop operators"
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
+            around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
+            around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
+        )
+        theta = "deflection: motor-side minus load-side angle"
+        omega = "deflection rate in the middle of the step, free of theta(k)"
+        self.inputs = (
+            around("theta_rad", self.theta_lim, theta, on_invalid="theta_prev_rad"),
+            around("omega_rad_s", self.omega_lim, omega, on_invalid=0.0),
+        )
+        torque, tau, full = "part of the torque on the load", self.tau_lim, self.tau_domain
+        jumped = "deflection jumped by more than its rate allows; clipped"
+        rate = "the Maxwell element's torque was clipped at its limit"
+        self.outputs = (
+            around("tau_Nm", tau, "interaction torque on the load", equation="(3.1)"),
+            around("tau_spring_Nm", tau, f"cubic spring: {torque}", equation="(3.2)"),
+            around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
+            around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its physical range; the last deflection is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_TORQUE_CLIPPED", rate, True, ("tau_rate_Nm",), tau),
+            ),
+        )
 
-    def split(self) -> dict[str, tuple[float, ...]]:
+    def _cuts(self) -> dict[str, tuple[float, ...]]:
         if not self.rate_terms:
             return {}
         v, reach = self.values, self.theta_lim - self.dead_zone
@@ -260,44 +290,6 @@ class _TorqueSensor:
         label("share", share, "(1 - exp(-x))/x, third order")
         tau_r: ca.SX = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
         return tau_r
-
-    def state(self) -> tuple[Port, ...]:
-        plays = "play states F_i = theta - E_i of the stop operators"
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
-            around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
-            around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        theta = "deflection: motor-side minus load-side angle"
-        omega = "deflection rate in the middle of the step, free of theta(k)"
-        return (
-            around("theta_rad", self.theta_lim, theta, on_invalid="theta_prev_rad"),
-            around("omega_rad_s", self.omega_lim, omega, on_invalid=0.0),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        torque, tau, full = "part of the torque on the load", self.tau_lim, self.tau_domain
-        jumped = "deflection jumped by more than its rate allows; clipped"
-        rate = "the Maxwell element's torque was clipped at its limit"
-        return (
-            around("tau_Nm", tau, "interaction torque on the load", equation="(3.1)"),
-            around("tau_spring_Nm", tau, f"cubic spring: {torque}", equation="(3.2)"),
-            around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
-            around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
-            status_port(
-                "what is known of this sample",
-                "an input was NaN or outside its physical range; the last deflection is held",
-                "the state was corrupt; the model was started afresh",
-                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
-                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
-                Flag("STEP_CLIPPED", jumped, True),
-                Flag("RATE_TORQUE_CLIPPED", rate, True, ("tau_rate_Nm",), tau),
-            ),
-        )
 
 
 def _power_cuts(gain: float, exponent: float, offset: float, limit: float) -> tuple[float, ...]:

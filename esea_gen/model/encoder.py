@@ -150,24 +150,7 @@ CORRECTED = """
 # reference is lost until init.
 def encoder(device: DeviceData, side: Side) -> Block:
     """Front end of one encoder."""
-    front = _Encoder(device, side)
-    return Block.of(
-        front,
-        f"encoder_{side}",
-        f"Encoder front end, {side} side: count to joint angle",
-        constants=_constants(device, side, front.bits, front.step_max, front.held_max),
-        tunables=_tunables(front.own),
-        coefficients=(
-            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
-            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
-        ),
-        inputs=(
-            Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
-        ),
-        equations=equations(EQUATIONS + (CORRECTED if front.table else PLAIN)),
-        streams=STREAMS,
-    )
+    return Block.of(_Encoder(device, side))
 
 
 class _Encoder:
@@ -193,6 +176,51 @@ class _Encoder:
                 f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise "
                 "the sensing rate.",
             )
+        self.name = f"encoder_{side}"
+        self.title = f"Encoder front end, {side} side: count to joint angle"
+        self.constants = _constants(device, side, self.bits, self.step_max, self.held_max)
+        self.tunables = _tunables(self.own)
+        self.coefficients = (
+            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
+            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
+        )
+        self.inputs = (
+            Port("count", 0, self.full - 1, "raw count as the chip gives it, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        )
+        self.equations = equations(EQUATIONS + (CORRECTED if self.table else PLAIN))
+        self.streams = STREAMS
+        self.state = (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("turn", TURNS, "whole turns of the encoder"),
+            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
+            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
+            Port("lost", 0, 1, "1 once the reference is lost, until init"),
+        )
+        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
+        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
+        late = "more bad frames in a row than may be bridged: not usable"
+        self.outputs = (
+            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
+            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag(
+                    "IMPLAUSIBLE_STEP",
+                    "the angle moved faster than the joint can; angle held",
+                    True,
+                ),
+                Flag("HELD_TOO_LONG", late, True),
+                Flag("SETTLING", "too few frames that agree since the start: not usable"),
+                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+                Flag("REFERENCE_LOST", away),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
@@ -268,41 +296,6 @@ class _Encoder:
             "status": guard.status(ca.logic_and(guard.inputs_ok, flagged), odd, *doubts),
         }
         return next_state, outputs
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
-            around("turn", TURNS, "whole turns of the encoder"),
-            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
-            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
-            Port("lost", 0, 1, "1 once the reference is lost, until init"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
-        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
-        late = "more bad frames in a row than may be bridged: not usable"
-        return (
-            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
-            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
-            status_port(
-                "what is known of this sample",
-                "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
-                Flag(
-                    "IMPLAUSIBLE_STEP",
-                    "the angle moved faster than the joint can; angle held",
-                    True,
-                ),
-                Flag("HELD_TOO_LONG", late, True),
-                Flag("SETTLING", "too few frames that agree since the start: not usable"),
-                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
-                Flag("REFERENCE_LOST", away),
-            ),
-        )
 
 
 def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:

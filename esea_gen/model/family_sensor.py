@@ -119,35 +119,22 @@ class _FamilySensor:
         self.omega_lim = threshold(limits.omega_rad_s.value)
         self.tau_lim = torque_limit(device, fitted)
         self.steps = family_step(device, fitted, start)
-        self.state = self.steps.state
+        self.state = self.steps.state()
         self.full_scale = threshold(domain.tau_full_scale_Nm.value)
         self.theta_most = threshold(domain.theta_max_rad.value)
         self.omega_most = threshold(domain.omega_max_rad_s.value)
-
-    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        state, sums = self.steps.torque(s, u.theta_rad, guard, label, factor_in(c))
-        sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
-        tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
-        status = guard.status(
-            ca.fabs(u.theta_rad) > self.theta_most,
-            ca.fabs(u.omega_rad_s) > self.omega_most,
-            ca.fabs(tau) > self.full_scale,
-        )
-        most = self.tau_lim
-        outputs = {f"tau_{k}_Nm": clip(v, -most, most) for k, v in sums.items()}
-        return state, outputs | {"tau_Nm": clip(tau, -most, most), "status": status}
-
-    def inputs(self) -> tuple[Port, ...]:
+        self.name = "sensor"
+        self.title = f"Elastomer torque sensor: {fitted.member.title}"
+        self.constants = family_constants(device, fitted)
+        self.equations = _equations(fitted)
         text = "deflection: motor-side minus load-side angle"
         rate = "deflection rate in the middle of the step"
-        return (
+        self.inputs = (
             around("theta_rad", self.theta_lim, text, on_invalid="theta_prev_rad"),
             around("omega_rad_s", self.omega_lim, rate, on_invalid=0.0),
         )
-
-    def outputs(self) -> tuple[Port, ...]:
         part, tau, full = "part of the torque on the load", self.tau_lim, self.full_scale
-        return (
+        self.outputs = (
             around("tau_Nm", tau, "interaction torque on the load"),
             around("tau_spring_Nm", tau, f"springs and offset: {part}"),
             around("tau_rate_Nm", tau, f"Maxwell branches: {part}"),
@@ -162,17 +149,23 @@ class _FamilySensor:
             ),
         )
 
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        state, sums = self.steps.torque(s, u.theta_rad, guard, label, factor_in(c))
+        sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
+        tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
+        status = guard.status(
+            ca.fabs(u.theta_rad) > self.theta_most,
+            ca.fabs(u.omega_rad_s) > self.omega_most,
+            ca.fabs(tau) > self.full_scale,
+        )
+        most = self.tau_lim
+        outputs = {f"tau_{k}_Nm": clip(v, -most, most) for k, v in sums.items()}
+        return state, outputs | {"tau_Nm": clip(tau, -most, most), "status": status}
+
 
 def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
     """A fitted member as a torque sensor Block, with the ports of the thesis' one."""
-    return Block.of(
-        _FamilySensor(device, fitted, start),
-        "sensor",
-        f"Elastomer torque sensor: {fitted.member.title}",
-        constants=family_constants(device, fitted),
-        equations=_equations(fitted),
-        **temperature_parts(device, fitted),
-    )
+    return Block.of(_FamilySensor(device, fitted, start), **temperature_parts(device, fitted))
 
 
 def factor_in(c: SimpleNamespace) -> Any:

@@ -35,18 +35,7 @@ EQUATIONS = """
 # unknown.
 def gear_encoder(device: DeviceData) -> Block:
     """Front end of the encoder on the motor's shaft."""
-    law = _GearEncoder(device)
-    return Block.of(
-        law,
-        "encoder_gear",
-        "Encoder front end, motor's shaft: count to the angle that the drive has turned",
-        inputs=(
-            Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
-        ),
-        equations=equations(EQUATIONS),
-        streams=OwnStreams(_events),
-    )
+    return Block.of(_GearEncoder(device))
 
 
 class _GearEncoder:
@@ -84,6 +73,49 @@ class _GearEncoder:
                 f"Read its upper {min(bits, int(a.encoder_bits.value) - 1)} bits only, and say so "
                 "in actuator.encoder_bits.",
             )
+        self.name = "encoder_gear"
+        self.title = (
+            "Encoder front end, motor's shaft: count to the angle that the drive has turned"
+        )
+        self.inputs = (
+            Port("count", 0, self.full - 1, "raw count of the shaft, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        )
+        self.equations = equations(EQUATIONS)
+        self.streams = OwnStreams(_events)
+        self.constants = (
+            self.actuator.encoder_bits.constant("encoder_bits"),
+            self.actuator.gear_ratio.constant("gear_ratio"),
+            Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
+            Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
+        )
+        self.state = (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("moved", self.moved_max, "counts turned since the start"),
+            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
+            Port("started", 0.0, 1.0, "1 once there was a good frame"),
+            around("omega_rad_s", self.rate_lim, "rate of the last step"),
+        )
+        most = self.moved_max / self.counts_rad * (1 + 1e-6)
+        lost = "no frame yet, or more were bad than may be bridged: starts again"
+        self.outputs = (
+            around(
+                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
+            ),
+            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
+            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
+                Flag("NOT_USABLE", lost, True),
+                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+            ),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started = s.started > 0.5
@@ -134,45 +166,6 @@ class _GearEncoder:
             ),
         }
         return next_state, outputs
-
-    def constants(self) -> tuple[Constant, ...]:
-        return (
-            self.actuator.encoder_bits.constant("encoder_bits"),
-            self.actuator.gear_ratio.constant("gear_ratio"),
-            Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
-            Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
-            around("moved", self.moved_max, "counts turned since the start"),
-            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
-            Port("started", 0.0, 1.0, "1 once there was a good frame"),
-            around("omega_rad_s", self.rate_lim, "rate of the last step"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        most = self.moved_max / self.counts_rad * (1 + 1e-6)
-        lost = "no frame yet, or more were bad than may be bridged: starts again"
-        return (
-            around(
-                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
-            ),
-            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
-            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
-            status_port(
-                "what is known of this sample",
-                "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
-                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
-                Flag("NOT_USABLE", lost, True),
-                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
-            ),
-        )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

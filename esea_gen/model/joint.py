@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
+from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 
 CONTRADICTED = "another encoder or the motor's torque says otherwise, or has not been compared yet"
@@ -20,9 +20,7 @@ CONTRADICTED = "another encoder or the motor's torque says otherwise, or has not
 
 def deflection(device: DeviceData) -> Block:
     """Deflection from the two joint angles, and whether the torque made of it can be trusted."""
-    joint = device.file.joint
-    if joint is None:
-        raise UserError(f"{device.origin}: section [joint] is missing.", "Add it.")
+    joint = section_of(device, "joint")
     theta_lim = threshold(device.file.limits.theta_rad.value)
     compared = device.file.redundancy is not None
     reach = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value)) + theta_lim

@@ -120,35 +120,18 @@ def published_inverse(
     tunable: bool = False,
 ) -> Block:
     """The thesis' partial inverse, with or without its disturbance observer, as a Block."""
-    inverse = _Published(device, filter, kappa, phi, chi, tunable)
-    facts, split = inverse.known(device)
-    return Block.of(
-        inverse,
-        "inverse" + (f"_{filter}" if filter else "_plays"),
-        "Published inverse: play operators"
-        + (f", disturbance observer with filter {filter}" if filter else ""),
-        constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
-        **_tunable_plays(inverse.plays) if tunable else {},
-        inputs=(request_port(inverse.tau_lim),),
-        equations=equations(
-            PLAY_EQUATIONS + OBSERVER_EQUATIONS * bool(inverse.taps),
-            weight=PLAY_WEIGHT.subs(PLAY_R, sp.Symbol("r_j")),
-            root=ROOT_WHOLE,
-        ),
-        facts=facts,
-        split=split,
-    )
+    given = {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi}
+    law = _Published(device, filter, given, tunable)
+    return Block.of(law, **_tunable_plays(law.plays) if tunable else {})
 
 
 class _Published:
     def __init__(
         self,
         device: DeviceData,
-        filter: FilterName | None = None,
-        kappa: float | None = None,
-        phi: float | None = None,
-        chi: float | None = None,
-        tunable: bool = False,
+        filter: FilterName | None,
+        given: Mapping[str, float | None],
+        tunable: bool,
     ) -> None:
         self.tunable = tunable
         self.file = device.file
@@ -166,18 +149,31 @@ class _Published:
         self.theta_high = self.forward.block.inputs[0].high
         self.omega_high = threshold(self.file.limits.omega_rad_s.value)
         self.tau_lim = self.tau_high = threshold(self.file.limits.tau_Nm.value)
-        self.plays = _play_constants(device, {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi})
+        self.plays = _play_constants(device, given)
         self.fixed_r, self.fixed_p = (
             list(map(float, x)) for x in _play_grid(*(c.value for c in self.plays))
         )
         # The envelope of the largest corrected request bounds every play state.
         self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
-
-    def outputs(self) -> tuple[Port, ...]:
+        self.name = "inverse" + (f"_{filter}" if filter else "_plays")
+        observer = f", disturbance observer with filter {filter}" if filter else ""
+        self.title = f"Published inverse: play operators{observer}"
+        self.constants = (() if tunable else tuple(self.plays)) + device.constants("elastomer")
+        plays = around("inverse_play_rad", self.reach, "play states", PLAYS, "(4.10, 4.11)")
+        what = "model torque less corrected request, newest first"
+        past = around("difference_Nm", 2 * self.tau_lim, what, len(self.taps) or 1)
+        self.state = (plays, past, *self.forward.state) if self.taps else (plays,)
+        self.inputs = (request_port(self.tau_lim),)
+        self.equations = equations(
+            PLAY_EQUATIONS + OBSERVER_EQUATIONS * bool(self.taps),
+            weight=PLAY_WEIGHT.subs(PLAY_R, sp.Symbol("r_j")),
+            root=ROOT_WHOLE,
+        )
+        self.facts, self.split = self._known(device)
         clamped = "the corrected request or the set-point was clamped"
         fast = "the set-point jumps by more than its rate allows; the model's memory is clipped"
         both, high = ("u_Nm", "theta_rad"), self.theta_high
-        return (
+        self.outputs = (
             around("theta_rad", high, "deflection set-point", equation="(4.7)"),
             around("u_Nm", self.tau_lim, "request corrected by the observed disturbance"),
             status_port(
@@ -234,7 +230,7 @@ class _Published:
         outputs = {"theta_rad": theta, "u_Nm": corrected, "status": guard.status(*bits)}
         return next_state, outputs
 
-    def known(
+    def _known(
         self, device: DeviceData
     ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, ...]]]:
         """Facts, and where the error analysis cuts."""
@@ -253,14 +249,6 @@ class _Published:
             values = {c.name: c.value for c in device.constants("elastomer")}
             facts |= rate_facts(device, values, "omega_rad_s")
         return facts, split
-
-    def state(self) -> tuple[Port, ...]:
-        plays = around("inverse_play_rad", self.reach, "play states", PLAYS, "(4.10, 4.11)")
-        if not self.taps:
-            return (plays,)
-        what = "model torque less corrected request, newest first"
-        past = around("difference_Nm", 2 * self.tau_lim, what, len(self.taps))
-        return (plays, past, *self.forward.state)
 
 
 PLAY_EQUATIONS = """

@@ -18,7 +18,6 @@ from esea_gen.language.ports import (
     Array,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     f32_inside,
@@ -59,25 +58,7 @@ EQUATIONS = """
 # its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
 def lag_observer(device: DeviceData) -> Block:
     """Torque of the person in momentum form, a first-order lag (5.10)."""
-    law = _Lag(device)
-    clipped = "the estimate was clipped at its range"
-    return Block.of(
-        law,
-        "human_lag",
-        "Torque of the person: first-order lag",
-        constants=device.constants("joint"),
-        equations=equations(LAG_EQUATIONS),
-        coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
-        outputs=(
-            around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
-            status_port(
-                "what is known of this estimate",
-                "an input was NaN or outside its range; tau_h is held",
-                "the state was corrupt; the observer was started afresh",
-                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), law.tau_h_lim),
-            ),
-        ),
-    )
+    return Block.of(_Lag(device))
 
 
 class _Lag:
@@ -88,6 +69,41 @@ class _Lag:
         self.inertia = self.drive.joint.Jh_kgm2.value
         self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
         self.omega_lim = self.drive.omega_rad_s
+        self.name = "human_lag"
+        self.title = "Torque of the person: first-order lag"
+        self.constants = device.constants("joint")
+        self.equations = equations(LAG_EQUATIONS)
+        self.coefficients = (Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),)
+        clipped = "the estimate was clipped at its range"
+        self.outputs = (
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
+            status_port(
+                "what is known of this estimate",
+                "an input was NaN or outside its range; tau_h is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), self.tau_h_lim),
+            ),
+        )
+        self.tunables = (
+            bandwidth_tunable(
+                self.device,
+                self.drive.disturbance.human_1_s,
+                self.drive.joint.load_velocity_Hz,
+                "disturbance.human_1_s",
+                "joint.load_velocity_Hz",
+            ),
+        )
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
+        )
+        rate, torque = "load side's rate", "interaction torque on the load"
+        self.inputs = (
+            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"share": share_of(t.bandwidth_1_s, self.h)}
@@ -111,32 +127,6 @@ class _Lag:
             "status": guard.status(ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim)),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            bandwidth_tunable(
-                self.device,
-                self.drive.disturbance.human_1_s,
-                self.drive.joint.load_velocity_Hz,
-                "disturbance.human_1_s",
-                "joint.load_velocity_Hz",
-            ),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
-            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        rate, torque = "load side's rate", "interaction torque on the load"
-        return (
-            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
-            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
-        )
 
 
 def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
@@ -162,24 +152,7 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
 # without samples it may rest at the end of that room, and a flag says so.
 def extended_state(device: DeviceData) -> Block:
     """Torque of the person, its rate, and the load side's motion, by an extended-state observer."""
-    law = _ExtendedState(device)
-    return Block.of(
-        law,
-        "human_eso",
-        "Torque of the person: extended-state observer",
-        constants=(
-            *device.constants("joint"),
-            *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
-        ),
-        coefficients=(
-            Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
-            Port("reach_s", 0.0, law.h, "torque gained in a step, per rate"),
-        ),
-        # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
-        facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
-        equations=equations(EQUATIONS),
-        streams=STREAMS,
-    )
+    return Block.of(_ExtendedState(device))
 
 
 def _check_gains(device: DeviceData, decays_s: tuple[float, ...]) -> None:
@@ -224,6 +197,64 @@ class _ExtendedState:
         moved = self.h * (self.omega_lim + 0.5 * most)
         room = min(1.01 * moved / max(self.gain["theta"], 1e-9), high - low)
         self.theta_low, self.theta_high = f32_inside(low - room, high + room)
+        self._ports(device)
+
+    def _ports(self, device: DeviceData) -> None:
+        self.name = "human_eso"
+        self.title = "Torque of the person: extended-state observer"
+        self.constants = (
+            *device.constants("joint"),
+            *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
+        )
+        self.coefficients = (
+            Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
+            Port("reach_s", 0.0, self.h, "torque gained in a step, per rate"),
+        )
+        self.facts = {"theta_load_est_rad": (self.theta_low, self.theta_high)}
+        self.equations = equations(EQUATIONS)
+        self.streams = STREAMS
+        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
+        self.tunables = (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
+            around("omega_rad_s", self.omega_room, "predicted rate"),
+            around("tau_h_Nm", self.tau_room, "predicted torque"),
+            around("rate_Nm_s", self.rate_lim, "predicted rate of the torque"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
+        )
+        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
+        torque = "interaction torque on the load"
+        self.inputs = (
+            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
+        )
+        ends = self.theta_low, self.theta_high
+        unseen = "an input was NaN or outside its range; the observer predicts without correction"
+        past = "the angle was predicted past its range, without a valid sample; it rests there"
+        clipped = (
+            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
+            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
+            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
+        )
+        self.outputs = (
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
+            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
+            status_port(
+                "what is known of this estimate",
+                unseen,
+                "the state was corrupt; the observer was started afresh",
+                *(
+                    Flag(
+                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
+                    )
+                    for word, what, n, most in clipped
+                ),
+                Flag("ANGLE_CLIPPED", past, True),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         keep = ca.exp(-self.h / t.decay_s)
@@ -275,56 +306,6 @@ class _ExtendedState:
             ),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
-        return (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
-            around("omega_rad_s", self.omega_room, "predicted rate"),
-            around("tau_h_Nm", self.tau_room, "predicted torque"),
-            around("rate_Nm_s", self.rate_lim, "predicted rate of the torque"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
-        torque = "interaction torque on the load"
-        return (
-            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
-            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        ends = self.theta_low, self.theta_high
-        unseen = "an input was NaN or outside its range; the observer predicts without correction"
-        past = "the angle was predicted past its range, without a valid sample; it rests there"
-        clipped = (
-            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
-            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
-            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
-        )
-        return (
-            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
-            around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
-            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
-            status_port(
-                "what is known of this estimate",
-                unseen,
-                "the state was corrupt; the observer was started afresh",
-                *(
-                    Flag(
-                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
-                    )
-                    for word, what, n, most in clipped
-                ),
-                Flag("ANGLE_CLIPPED", past, True),
-            ),
-        )
 
 
 # Share of the largest rate and of the largest torque that an ordinary motion takes.

@@ -20,7 +20,6 @@ from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     status_port,
@@ -83,15 +82,7 @@ def tangent(x: Any) -> Any:
 # so that what was moved meanwhile makes no spike.
 def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
     """Rate of a joint angle behind a Butterworth filter of fourth order (Zavalishin 2012)."""
-    law = _Butterworth(device, name, cutoff)
-    return Block.of(
-        law,
-        name,
-        "Angular rate: difference behind a fourth-order Butterworth filter",
-        constants=device.constants("timing"),
-        equations=equations(EQUATIONS),
-        coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-    )
+    return Block.of(_Butterworth(device, name, cutoff))
 
 
 class _Butterworth:
@@ -107,6 +98,35 @@ class _Butterworth:
         low, high = self.angles = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.reach = threshold(0.05 * (high - low) / self.h)
         self.room = STATE_ROOM * self.reach
+        self.name = name
+        self.title = "Angular rate: difference behind a fourth-order Butterworth filter"
+        self.constants = device.constants("timing")
+        self.equations = equations(EQUATIONS)
+        self.coefficients = tuple(
+            Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)
+        )
+        text = "cut-off: higher follows faster and passes more noise"
+        self.tunables = (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port("theta_last_rad", *self.angles, "angle, last step"),
+            around("omega_held_rad_s", self.room, "filtered rate of the last step"),
+            around("first_rad_s", self.room, "integrators of the first section", 2),
+            around("second_rad_s", self.room, "integrators of the second section", 2),
+        )
+        self.inputs = (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
+        fast = "the filtered rate was clipped at its physical range"
+        jumped = "the angle jumped by more than a twentieth of its range; clipped"
+        self.outputs = (
+            around("omega_rad_s", self.limit, "filtered rate of the angle"),
+            status_port(
+                "what is known of this sample",
+                "the angle was NaN or outside its range; the rate is held",
+                "the state was corrupt; the filter was started afresh",
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         g = tangent(math.pi * self.h * t.cutoff_Hz)
@@ -147,36 +167,6 @@ class _Butterworth:
             ),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "cut-off: higher follows faster and passes more noise"
-        return (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port("theta_last_rad", *self.angles, "angle, last step"),
-            around("omega_held_rad_s", self.room, "filtered rate of the last step"),
-            around("first_rad_s", self.room, "integrators of the first section", 2),
-            around("second_rad_s", self.room, "integrators of the second section", 2),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
-
-    def outputs(self) -> tuple[Port, ...]:
-        fast = "the filtered rate was clipped at its physical range"
-        jumped = "the angle jumped by more than a twentieth of its range; clipped"
-        return (
-            around("omega_rad_s", self.limit, "filtered rate of the angle"),
-            status_port(
-                "what is known of this sample",
-                "the angle was NaN or outside its range; the rate is held",
-                "the state was corrupt; the filter was started afresh",
-                Flag("STEP_CLIPPED", jumped, True),
-                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
-            ),
-        )
 
 
 def motor_rate(device: DeviceData) -> Block:

@@ -15,6 +15,7 @@ from esea_gen.identify.verdict import temperature_tunables
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
 from esea_gen.language.stream import single
+from esea_gen.plotting import svg
 from esea_gen.report import common, figures
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Array, Findings, Run, Say
@@ -211,7 +212,8 @@ def _overview(found: Findings) -> Any:
         rows.append((stream, f64, f32, percent(stream, "f32", "limits")))
     means = (_fit(found) or {}).get("mean_rms_percent", {})
     rms = means.get("held_out") or means.get("training")
-    return figures.error_overview(rows, rms, "overview")
+    figure = figures.error_overview(rows, rms)
+    return svg(figure, "overview", "Largest torque errors by stream and number format")
 
 
 def _bounds(found: Findings) -> dict[str, Any]:

@@ -13,7 +13,6 @@ holds the cuff back, which therefore takes its time to cross it, and strikes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ import numpy.typing as npt
 from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
 from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equations
@@ -49,9 +48,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
     )
     q = 0.5 * step_s
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         v = label("v_m", s.omega_m_rad_s + q * s.alpha_m_rad_s2, "speed in the middle of the step")
         x = label("x_m", s.theta_m_rad + step_s * v)
         rate = label("rate_rad_s", v - u.omega_l_rad_s)
@@ -74,7 +71,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
         period_s=step_s,
         constants=sensor.constants,
         tunables=tunables,
-        coefficients=tuple(Port(t.name, t.low, t.high, t.meaning) for t in tunables),
+        coefficients=tuple(t.port for t in tunables),
         prepare=vars,
         state=(
             Port("theta_m_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the cuff"),

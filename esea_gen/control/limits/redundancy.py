@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
+from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
@@ -22,25 +22,12 @@ from esea_gen.observe import drive_of
 # part stay parted until one encoder has failed and come back, or init.  Torques may agree again.
 def redundancy(device: DeviceData) -> Block:
     """Whether encoders and motor torque agree."""
-    law = _Redundancy(device)
-    return Block.of(
-        law,
-        "redundancy",
-        "Whether encoders and motor torque contradict one another",
-        constants=(*device.constants("redundancy"), *law.inertia()),
-        state=(
-            around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
-            Port("zeroed", 0.0, 1.0, "1 once that is set"),
-        ),
-        equations=equations(EQUATIONS),
-    )
+    return Block.of(_Redundancy(device))
 
 
 class _Redundancy:
     def __init__(self, device: DeviceData) -> None:
-        found = device.file.redundancy
-        if found is None:
-            raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
+        found = section_of(device, "redundancy")
         self.device, self.drive, self.own = device, drive_of(device), found
         self.h = self.drive.control_period_s
         self.J = self.drive.actuator.J_kgm2.value
@@ -56,6 +43,44 @@ class _Redundancy:
             found.torque_Nm.value
             + found.torque_share.value * self.drive.tau_Nm
             + found.inertia_share.value * self.J * 4 * self.drive.d4_rad_s2
+        )
+        self.name = "redundancy"
+        self.title = "Whether encoders and motor torque contradict one another"
+        self.constants = (*device.constants("redundancy"), *self.inertia())
+        self.state = (
+            around("zero_rad", self.angle_lim, "drive's angle less the motor side's, at rest"),
+            Port("zeroed", 0.0, 1.0, "1 once that is set"),
+        )
+        self.equations = equations(EQUATIONS)
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.inputs = (
+            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
+            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
+        )
+        self.outputs = (
+            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
+            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
+            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
+            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt, the zero is lost: the limits latch",
+                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                Flag(
+                    "ANGLES_PART",
+                    "the motor's encoder and the motor-side one contradict each other",
+                ),
+                Flag(
+                    "TORQUES_PART",
+                    "the drive moves otherwise than motor and coupling would move it",
+                ),
+            ),
         )
 
     def inertia(self) -> tuple[Any, ...]:
@@ -99,40 +124,6 @@ class _Redundancy:
             "status": guard.status(ca.logic_not(ready), angles, torques),
         }
         return next_state, outputs
-
-    def inputs(self) -> tuple[Port, ...]:
-        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
-        return (
-            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
-            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
-            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
-            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
-            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        return (
-            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
-            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
-            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
-            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
-            status_port(
-                "what is known of this sample",
-                "an input was NaN or outside its range",
-                "the state was corrupt, the zero is lost: the limits latch",
-                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
-                Flag(
-                    "ANGLES_PART",
-                    "the motor's encoder and the motor-side one contradict each other",
-                ),
-                Flag(
-                    "TORQUES_PART",
-                    "the drive moves otherwise than motor and coupling would move it",
-                ),
-            ),
-        )
 
 
 EQUATIONS = """

@@ -40,16 +40,8 @@ def ahead(
     torque_given: bool | None = None,
 ) -> Block:
     """Wanted torque, and the impedance law's path and gains, at the end of every interval."""
-    law = _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
-    inputs, outputs = law.ports()
     return Block.of(
-        law,
-        "ahead",
-        "What is wanted along the horizon",
-        state=(),
-        inputs=inputs,
-        outputs=outputs,
-        equations=equations(EQUATION),
+        _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     )
 
 
@@ -79,6 +71,11 @@ class _Ahead:
         # A future that is extrapolated is that of an adapted wish already.
         self.adapted = adapted_inputs(device) if given else ()
         self.ticks = [round(t / device.period_s) for t in horizon.ends_s]
+        self.name = "ahead"
+        self.title = "What is wanted along the horizon"
+        self.state: tuple[Port, ...] = ()
+        self.inputs, self.outputs = self._ports()
+        self.equations = equations(EQUATION)
 
     def fades(self, keep: Any) -> list[Any]:
         squares = [keep]
@@ -95,7 +92,7 @@ class _Ahead:
     def along(self, x: Any, given: bool) -> list[Any]:
         return ca.vertsplit(x) if given else [x] * self.n
 
-    def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+    def _ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         full = self.full_scale
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),

@@ -13,8 +13,7 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.language.block import Labels
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip
-from esea_gen.model.symbolic import equations
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip
 
 FROM_HZ = 4.0
 """Two high-passes of first order: wanted torques and what people do is mostly slower."""
@@ -33,16 +32,32 @@ EQUATIONS = f"""
     [soft 2] | lambda | lambda_0 * (1 - {SLOPE_FALLS} * sigma{{k-1}}) | slope, softened
     [soft 3] | kappa | kappa_0 * (1 + {LEAD_RISES} * sigma{{k-1}}) | lead, at most 4
 """
+SOFTENED = Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
+COEFFICIENT = Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
+TUNABLE = Tunable(
+    "softening",
+    1.0,
+    0.0,
+    1.0,
+    "how soft a swing of the error makes the gains; 0: they stay as they are",
+    "docs/control.md",
+)
 
 
 class SwingSoftening:
     """What softens the gains of the sliding mode."""
 
     def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
-        self.h, self.error_lim, self.lead_high = h, error_lim, lead_high
+        self.h, self.lead_high = h, lead_high
         self.follow = 1 - math.exp(-2 * math.pi * FROM_HZ * h)
         self.gain = 1 - math.exp(-h / WINDOW_S)
         self.keep = math.exp(-h / BACK_S)
+        self.state = (
+            around("slow_rad", 1.01 * error_lim, "slow part of the error"),
+            around("middle_rad", 2.02 * error_lim, "slow part of what is left"),
+            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
+            Port("soft", 0.0, 1.0, "how soft the gains are"),
+        )
 
     def step(
         self, c: Any, s: Any, e: ca.SX, on: ca.SX, entering: ca.SX, label: Labels
@@ -74,24 +89,3 @@ class SwingSoftening:
         }
         kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": now}
         return SimpleNamespace(**gains), {n: ca.if_else(on, x, 0) for n, x in kept.items()}
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            around("slow_rad", 1.01 * self.error_lim, "slow part of the error"),
-            around("middle_rad", 2.02 * self.error_lim, "slow part of what is left"),
-            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
-            Port("soft", 0.0, 1.0, "how soft the gains are"),
-        )
-
-    def tunable(self) -> Tunable:
-        text = "how soft a swing of the error makes the gains; 0: they stay as they are"
-        return Tunable("softening", 1.0, 0.0, 1.0, text, "docs/control.md")
-
-    def coefficient(self) -> Port:
-        return Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
-
-    def flag(self) -> Flag:
-        return Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
-
-    def equations(self) -> tuple[Equation, ...]:
-        return equations(EQUATIONS)

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.device import Device
+from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
-from esea_gen.identify.published.space import at_bound, bounds_of, with_values
+from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.resampling import (
@@ -85,23 +85,17 @@ class FittedPlant:
         self.rate_Hz = rate_Hz
         fine = device.file.timing.sense_rate_Hz.value
         # The bases below have unit stiffness; nothing in them may clip.
-        timing = {"sense_rate_Hz": rate_Hz or fine}
-        velocity = {
-            "bandwidth_Hz": min(
-                device.file.velocity.bandwidth_Hz.value, 0.1 * timing["sense_rate_Hz"]
-            )
-        }
-        wide = {"tau_Nm": 2000.0}
-        built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
-        self.built = built
-        self.library = compile_system(tunable_system(built), "f64")
+        wide = with_numbers(device, {"limits.tau_Nm": 2000.0})
+        bandwidth = min(device.file.velocity.bandwidth_Hz.value, 0.1 * (rate_Hz or fine))
+        self.built = with_numbers(
+            wide, {"timing.sense_rate_Hz": rate_Hz or fine, "velocity.bandwidth_Hz": bandwidth}
+        )
+        self.library = compile_system(tunable_system(self.built), "f64")
         self._zone = device.elastomer.dead_zone_rad
         self._fine_Hz = fine
         self._estimate: CRunner | None = None
         if rate_Hz is not None:
-            self._estimate = compile_system(
-                tunable_system(with_values(device, {}, limits=wide)), "f64"
-            ).block("velocity")
+            self._estimate = compile_system(tunable_system(wide), "f64").block("velocity")
         self._take(recordings, rows)
 
     def having(self, recordings: list[Recording], rows: int | None = None) -> FittedPlant:

@@ -42,6 +42,13 @@ TEXTS = "texts"
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
+def gone_from(folder: Path) -> set[str]:
+    """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
+    path = folder / AUDIT
+    entries = map(renamed, read_log(path).entries) if path.exists() else ()
+    return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
+
+
 def consent_date(text: str) -> str:
     """Today, or a date in the form 2026-11-26 that is not in the future."""
     today = calendar_date.today()
@@ -258,9 +265,13 @@ class StudyFolder:
                     f"{code} has not consented.",
                     "Without written consent nothing starts: --consent.",
                 )
+        self.must_know_operator()
+        if not self.simulated and not form.strip():
+            raise UserError(
+                "A real study records which version of the consent form was signed.",
+                "Give --form VERSION.",
+            )
         given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
-        if not self.simulated:
-            check_record("consent", {"participant": "P", **given})
         with self._trail() as log:
             known = self.participants()
             for code in codes:
