@@ -23,8 +23,8 @@ import scipy  # its parts are read on first use
 
 from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import Inverse, field_facts
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.identify.drafting import files_of

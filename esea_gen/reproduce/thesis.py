@@ -18,7 +18,7 @@ from esea_gen import __version__
 from esea_gen.errors import UserError
 from esea_gen.files import read_json
 from esea_gen.reproduce.measures import Measures
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 
 # A word that only one command writes at the top of its file.
 MARKS = {"comparisons": "interaction", "tables": "wrist", "motions": "assess"}

@@ -33,7 +33,7 @@ from scipy.stats import qmc
 
 from esea_gen.device import Device
 from esea_gen.files import plain
-from esea_gen.identify.drafting import draft, grid_rate
+from esea_gen.identify.drafting import draft, fit_split, grid_rate
 from esea_gen.identify.family.fit import (
     UnitTerms,
     fit_member,
@@ -43,7 +43,6 @@ from esea_gen.identify.family.fit import (
     trained_scale,
 )
 from esea_gen.identify.family.identification import drafted_member
-from esea_gen.identify.identification import fit_split
 from esea_gen.identify.identified import excused_of, gate_notes
 from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.published.fit import Progress

@@ -241,16 +241,12 @@ class SearchProblem:
                     for i in range(first, min(first + BATCH, len(points)))
                     if self.memo.get(names[i]) is None
                 ]
-                found = list(spread(lambda i: self._cost(points[i]), missing))
-                self.memo.put((names[i], [c]) for i, c in zip(missing, found, strict=True))
+                found = list(spread(lambda i: self.residual(points[i]), missing))
+                self.memo.put((names[i], [e @ e]) for i, e in zip(missing, found, strict=True))
                 for name, x in zip(names[part], points[part], strict=True):
                     self._seen(self._kept(name)[0], x, 1)
                 self.tell(self.evaluations, self.best[0])
         return np.array([self._kept(n)[0] for n in names])
-
-    def _cost(self, x: Array) -> float:
-        error = self.residual(x)
-        return float(error @ error)
 
     def refined(self, starts: Sequence[Array], steps: int) -> list[tuple[float, Array]]:
         """Least-squares minima next to starts, each on a core, with exact gradients."""
