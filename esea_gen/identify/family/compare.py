@@ -51,7 +51,7 @@ from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.conditions import Split, splits_of
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
 from esea_gen.identify.recording.reading import load_recordings, resample
-from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows
+from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows, training_sets
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
 from esea_gen.model.rubber import fitted_of
@@ -120,7 +120,7 @@ def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Arra
         [np.clip(np.searchsorted(g, r.time_s[s.training]), 0, len(g) - 1) for s in r.sets]
         for r, g in zip(recordings, grids, strict=True)
     ]
-    sets = [r.tau_Nm[s.training] for r in recordings for s in r.sets if len(s.training)]
+    sets = [r.tau_Nm[s.training] for r, s in training_sets(recordings)]
     weight = equal_weights(sets)
     target = np.concatenate(sets) * weight
 
