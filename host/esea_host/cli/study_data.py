@@ -87,9 +87,8 @@ def delete(
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(
-        f"{code}: {opened(folder, runs=False, operator=operator).delete(code, reason)} files deleted"
-    )
+    files = opened(folder, runs=False, operator=operator).delete(code, reason)
+    out.print(f"{code}: {files} files deleted")
 
 
 @study_app.command("export")

@@ -155,7 +155,7 @@ class Allocations:
         return 1 + sum(d["stratum"] == stratum for d in self._opened.values())
 
     def places(self) -> int:
-        return sum(e.data["places"] for e in self.lists)
+        return sum(int(e.data["places"]) for e in self.lists)
 
     def make(self, by: str, keep: Path, places: int, reason: str) -> dict[str, Any]:
         """Draw a list: commitments into the study, the list into the third person's file."""

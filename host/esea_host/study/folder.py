@@ -37,8 +37,16 @@ LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
+TEXTS = "texts"
 
 WAIT_S = 30.0  # so long at most for another process to write its entry
+
+
+def gone_from(folder: Path) -> set[str]:
+    """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
+    path = folder / AUDIT
+    entries = map(renamed, read_log(path).entries) if path.exists() else ()
+    return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
 
 
 def consent_date(text: str) -> str:
@@ -79,9 +87,10 @@ class StudyFolder:
         study.simulated = simulated
         study.must_know_operator()
         (path / PROTOCOL).write_text(protocol.text, encoding="utf-8")
-        for code in protocol.code:
-            (path / TASKS).mkdir(exist_ok=True)
-            (path / TASKS / code.path.name).write_bytes(code.content)
+        for folder, files in ((TASKS, protocol.code), (TEXTS, protocol.texts)):
+            for file in files:
+                (path / folder).mkdir(exist_ok=True)
+                (path / folder / file.path.name).write_bytes(file.content)
         about: dict[str, Any] = {"content": study.content(), "program": program()}
         if not simulated:
             about |= {"key": fingerprint(study_key(path)), "allocation": "list"}
@@ -93,12 +102,12 @@ class StudyFolder:
         """A study that is there."""
         if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
-        files = [path / PROTOCOL, path / AUDIT, *sorted((path / TASKS).glob("*.py"))]
-        for file in files:
+        tasks, texts = sorted((path / TASKS).glob("*.py")), sorted((path / TEXTS).glob("*.toml"))
+        for file in (path / PROTOCOL, path / AUDIT, *tasks, *texts):
             inside(path, file.relative_to(path), str(path))
         text = read_text(path / PROTOCOL, "Name a study's folder.")
-        codes = [read_code(p) for p in files[2:]]
-        return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable, by)
+        given = [read_code(p) for p in tasks], runs, [read_code(p) for p in texts]
+        return cls(path, parse_protocol(text, PROTOCOL, (), *given), durable, by)
 
     def content_at_first(self) -> Mapping[str, str]:
         """As :meth:`content` when the study was created; empty where it was not recorded."""
@@ -108,7 +117,8 @@ class StudyFolder:
 
     def content(self) -> dict[str, str]:
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
-        return found | {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        found |= {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        return found | {f"{TEXTS}/{t.path.name}": t.sha256 for t in self.protocol.texts}
 
     # -- audit --------------------------------------------------------------------------------
 
@@ -255,9 +265,13 @@ class StudyFolder:
                     f"{code} has not consented.",
                     "Without written consent nothing starts: --consent.",
                 )
+        self.must_know_operator()
+        if not self.simulated and not form.strip():
+            raise UserError(
+                "A real study records which version of the consent form was signed.",
+                "Give --form VERSION.",
+            )
         given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
-        if not self.simulated:
-            check_record("consent", {"participant": "P", **given})
         with self._trail() as log:
             known = self.participants()
             for code in codes:

@@ -154,9 +154,9 @@ def _cells_of(path: Path) -> Iterator[tuple[str, str, str]]:
                 yield from ((k, v, who) for k, v in row.items() if k and v)
     elif path.name == "rows.jsonl":
         for line in path.read_text(encoding="utf-8").splitlines():
-            row: Mapping[str, Any] = json.loads(line)
-            nested = ((k, v) for k, x in row.items() if isinstance(x, list) for v in x)
-            yield from ((k, v, row["participant"]) for k, v in nested if isinstance(v, str))
+            whole: Mapping[str, Any] = json.loads(line)
+            nested = ((k, v) for k, x in whole.items() if isinstance(x, list) for v in x)
+            yield from ((k, v, whole["participant"]) for k, v in nested if isinstance(v, str))
 
 
 def _is_plain(value: str) -> bool:
