@@ -378,7 +378,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     folder = str(tmp_path / "s")
     assert "at most 2 min" in call("check", str(EXAMPLE))
     call("create", str(EXAMPLE), folder, "--simulated")
-    assert "P01 enrolled" in call("enrol", folder, "P01", "--consent")
+    assert "group" not in call("enrol", folder, "P01", "--consent")
     assert "Simulated participant: 12 of 12" in call("run", folder, "P01", "--headless")
     assert "the same, bit for bit" in call("replay", folder, "P01")
     assert "Every log is as it was written" in call("audit", folder)
@@ -388,7 +388,11 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("repeat", folder, "P01", "2", "--reason", "a cough")
     call("skip", folder, "P01", "2", "--reason", "no time")
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
-    assert "11 rows" in call("export", folder, str(tmp_path / "out"))
+    told = call("export", folder, str(tmp_path / "out"))
+    assert told.startswith("Left out:\n  P01, session 1, trial 2 skipped: no time\n")
+    assert "11 rows" in told
+    assert "1 participants" in call("export", folder, "--check")
+    assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
 
 from esea_host.interaction.analysis import ElementComparison, InteractionAnalysis, printed
 
 
-def lines(found: InteractionAnalysis) -> list[str]:
+def lines(found: InteractionAnalysis, names: Mapping[str, str] | None = None) -> list[str]:
+    """names: of the elements in a blinded analysis; beside published values one could tell them."""
+    if names:
+        known = [*_ours(found), *answer_lines(found)]
+        words = re.compile("|".join(map(re.escape, names)))
+        return [words.sub(lambda m: names[m[0]], line) for line in known]
+    return [*_ours(found), *beside_lines(found), *answer_lines(found)]
+
+
+def _ours(found: InteractionAnalysis) -> list[str]:
     out = [
         f"{found.folder}: {len(found.people)} people"
         + (", SIMULATED: no person took part" if found.simulated else "")
@@ -20,7 +31,7 @@ def lines(found: InteractionAnalysis) -> list[str]:
     for extra in (found.survey, found.comments):
         if extra is not None:
             out += ["", *extra.lines()]
-    return [*out, *beside_lines(found), *answer_lines(found)]
+    return out
 
 
 def beside_lines(found: InteractionAnalysis) -> list[str]:

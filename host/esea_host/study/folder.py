@@ -372,7 +372,8 @@ class StudyFolder:
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
-            session = StudySession(log, plan, code, source, rows, *given)
+            seal = self.key if self.blinded("operator") else None
+            session = StudySession(log, plan, code, source, rows, *given, seal)
             if source is None:
                 return session
             entry = {"participant": code, "session": number, "day": day, "early": early}
