@@ -224,6 +224,18 @@ def event(
     out.print(f"{folder}: {kind.value} recorded")
 
 
+@study_app.command("withdraw")
+def withdraw(
+    folder: FolderArgument,
+    code: CodeArgument,
+    reason: ReasonOption = "",
+    operator: OperatorOption = "",
+) -> None:
+    """A participant withdraws: the data stays, and nothing uses it any more; no reason is owed."""
+    opened(folder, runs=False, operator=operator).withdraw(code, reason)
+    out.print(f"{code} has withdrawn: no more sessions, and no use of the data from now on")
+
+
 @study_app.command("repair")
 def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> None:
     """Move what is behind a break of a log aside, so that the study can go on; nothing is lost."""
