@@ -118,6 +118,7 @@ def create(
 ) -> None:
     """Make a study's folder from a protocol, of real people or a simulated one."""
     from esea_host.study.folder import StudyFolder
+    from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
     if simulated is None:
@@ -128,6 +129,7 @@ def create(
     trusted(trust)
     know_shipped_tasks()
     protocol = load_protocol(file, task or [])
+    explain(protocol)  # every session can be planned
     with new_whole(folder) as scratch:
         StudyFolder.create(scratch, protocol, simulated, by=operator)
     trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
