@@ -129,8 +129,8 @@ class RealPerson(SimulatedSource):
 
 def created(folder: Path, protocol: Protocol, people: int, by: str = "Olga Operator"):
     study = StudyFolder.create(folder, protocol, simulated=False, durable=False, by=by)
-    codes = [f"P{k:02d}" for k in range(1, people + 1)]
-    study.enrol(codes, True, "2.1", "", "Carl Consent")
+    if codes := [f"P{k:02d}" for k in range(1, people + 1)]:
+        study.enrol(codes, True, "2.1", "", "Carl Consent")
     third = StudyFolder.open(folder, durable=False, by="Tina Third")
     third.allocate(folder.parent / "list.csv", 40)
     return study
