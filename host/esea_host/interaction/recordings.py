@@ -39,8 +39,8 @@ from esea_host.interaction.design import element_of
 from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
-from esea_host.study.privacy import PRIVATE
 from esea_host.study.folder import gone_from
+from esea_host.study.privacy import PRIVATE
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -187,11 +187,10 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
     swapped: either element by the other's name, for a blinded analysis.
     """
     manifest = read_manifest(folder)
-    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     if swapped:
-        manifest = manifest.model_copy(
-            update={"recording": tuple(e.swapped() for e in manifest.recording)}
-        )
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     named = {e.participant for e in manifest.recording}
     left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
     there = [e for e in manifest.recording if e.participant not in gone]

@@ -125,7 +125,10 @@ class StudyFolder:
     @cached_property
     def simulated(self) -> bool:
         """Whether no real person takes part; decided when the study was created."""
-        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+        entries = self.trail(strict=False)
+        if not self._found.sound_bytes:  # the first line, which says it, is not what was written
+            self._found.sound(self.path / AUDIT)
+        return bool(entries) and bool(entries[0].data.get("simulated"))
 
     def must_know_operator(self) -> None:
         if not self.by and not self.simulated:
@@ -369,7 +372,8 @@ class StudyFolder:
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
-            session = StudySession(log, plan, code, source, rows, *given)
+            seal = self.key if self.blinded("operator") else None
+            session = StudySession(log, plan, code, source, rows, *given, seal)
             if source is None:
                 return session
             entry = {"participant": code, "session": number, "day": day, "early": early}
