@@ -1,4 +1,4 @@
-"""What enters the Monte-Carlo: motions, the encoders that see them, the spread of the parameters."""
+"""What enters the Monte-Carlo: motions, encoders that see them, the spread of the parameters."""
 
 from __future__ import annotations
 
