@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -228,7 +229,8 @@ def test_the_seed_makes_the_list_again_and_its_seals_show_no_group(tmp_path):
     assert (tmp_path / "list.csv").stat().st_mode & 0o077 == 0
 
 
-WORDS = ("near", "narrow", "within_deg", '"group":"A"', "group A", "group B", "Group A")
+# Not within a sealed value, whose letters are random.
+TELLING = re.compile(r'(?<![\w+/])(near|narrow|within_deg|"group":"[AB]"|[Gg]roup [AB])(?![\w+/])')
 
 
 def test_a_blinded_operator_reads_the_group_nowhere(blinded, tmp_path):
@@ -245,7 +247,7 @@ def test_a_blinded_operator_reads_the_group_nowhere(blinded, tmp_path):
         assert not [p for p in files if p.parent.name in ("A", "B", "near", "narrow")]
     for name, text in texts.items():
         if not name.endswith(("protocol.toml", ".py")):
-            assert not [w for w in WORDS if w in text], name
+            assert not TELLING.search(text), name
     opened = [e.data for e in blinded.trail() if e.kind == "disclose"]
     assert [set(d) for d in opened] == [{"participant", "stratum", "place", "sealed"}] * 12
     assert blinded.disclose("P01") == ""

@@ -136,8 +136,12 @@ def shared_rows(study: StudyFolder, labels: bool = False) -> list[dict[str, Any]
 
 def omissions(study: StudyFolder) -> list[str]:
     """What neither exports nor analyses use, and why: a line each."""
-    found, gone = [], {}
-    for kind, data in study.audited_anyway():
+    found, gone = list[str](), {}
+    entries = study.audited_anyway()
+    if rehearsed := sum(kind == "rehearsal" for kind, _ in entries):
+        found.append(f"rehearsals: {rehearsed}, which count for nobody")
+    found += [f"{d['log']}: a broken part, moved aside" for k, d in entries if k == "repair"]
+    for kind, data in entries:
         if kind in ("delete", "withdraw"):
             words = "data deleted" if kind == "delete" else "withdrew"
             gone[data["participant"]] = f"{words}: {data.get('reason') or 'no reason was given'}"
