@@ -22,6 +22,7 @@ from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array
+from esea_host.study.edge import trial_conditions
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.scene import Scene
 from esea_host.study.source import Gauge, InputSource
@@ -316,9 +317,9 @@ class BoardSource(InputSource):
 
     def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
         """Have the board hold what the task's conditions are, and its inputs at hand."""
-        conditions = task.conditions(situation.parameters)
-        self.signals.must_fit([(task, conditions)])
-        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
+        asked = trial_conditions(task, situation.parameters)
+        self.signals.must_fit([(task, asked)])
+        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
         state = self._state_now()
