@@ -44,7 +44,7 @@ from esea_gen.identify.published.search_problem import (
     runner_up,
     sobol_points,
 )
-from esea_gen.identify.recording.recorded import Misfits, Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
 from esea_gen.identify.recording.resampling import autocorrelation
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
@@ -343,7 +343,7 @@ def _check(device: Device, recordings: Sequence[Recording]) -> None:
             "no dead zone.",
             "Use the exact inverse for this device.",
         )
-    if not any(len(s.training) for r in recordings for s in r.sets):
+    if not training_sets(recordings):
         raise UserError("No recording trains the inverse.", "Give one with training cycles.")
     limit = device.file.limits.tau_Nm.value
     for r in recordings:

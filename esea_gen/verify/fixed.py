@@ -95,20 +95,6 @@ class RawExecutor:
         split = len(fields["state"])
         return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
 
-    def run(self, inputs: Mapping[str, Raw]) -> tuple[dict[str, Raw], dict[str, Raw]]:
-        """Run a stream from the initial state."""
-        state = self.initial()
-        outs, states = [], []
-        for k in range(len(next(iter(inputs.values())))):
-            y, state = self.steps(state, {n: u[k : k + 1] for n, u in inputs.items()})
-            outs.append(y)
-            states.append(state)
-        return _join(outs), _join(states)
-
-
-def _join(parts: list[dict[str, Raw]]) -> dict[str, Raw]:
-    return {n: np.concatenate([p[n] for p in parts]) for n in parts[0]}
-
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
     """A stream as raw inputs."""

@@ -147,6 +147,7 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
     assert "the board is in STOPPED" in session.state.reasons[2]
     assert len(session.state.remaining) == 0
     session.repeat(2, "the stop was an accident")
+    session.close()
     again = StudySession(session.log.path, session.state.plan, "P01", session.source)
     assert "the board is in STOPPED" in again.run()
     again.close()

@@ -86,10 +86,6 @@ def _check_turned(source: MappingFile, loaded: list[Recording]) -> None:
         )
 
 
-def _conditions(mapping: Mapping, name: str) -> tuple[str, ...]:
-    return tuple(c.name for c in mapping.condition if any(fnmatch(name, p) for p in c.files))
-
-
 def _check_conditions(source: MappingFile, loaded: list[Recording]) -> None:
     for c in source.mapping.condition:
         if not any(c.name in r.conditions for r in loaded):
@@ -183,7 +179,7 @@ def _load(
         dropped=dropped,
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
-        conditions=_conditions(m, name),
+        conditions=tuple(c.name for c in m.condition if any(fnmatch(name, p) for p in c.files)),
         findings=(*_findings(read, jumped, spiky, recorded, turned, gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
@@ -354,8 +350,10 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
 
 
 def _stiffness(theta: Array, tau: Array) -> float:
-    # Where the deflection is held the torque relaxes; what counts is how it rose before.
-    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
+    # Most of a test of relaxation holds one deflection, where the torque relaxes: what counts is
+    # how it rose before.
+    at_end = _at_end(theta)
+    end = int(np.flatnonzero(at_end)[0]) + 1 if np.mean(at_end) > 0.5 else len(theta)
     theta, tau = theta[:end], tau[:end]
     x, y = theta - theta.mean(), tau - tau.mean()
     return float(x @ y / (x @ x)) if np.any(x) else 0.0
@@ -365,11 +363,6 @@ def _at_end(theta: Array) -> npt.NDArray[np.bool_]:
     """Samples at the deflection farthest from the first one."""
     way = np.abs(theta - theta[0])
     return np.asarray(way >= (1 - HELD_BAND) * way.max())
-
-
-def _held(theta: Array) -> bool:
-    """Whether most of a recording holds one deflection: a test of relaxation."""
-    return bool(np.mean(_at_end(theta)) > 0.5)
 
 
 def _zeroed(x: Array, zero: str) -> Array:

@@ -33,6 +33,10 @@ class Recording:
     temperature_C: float | None = None  # of the rubber; None where no one said it
 
 
+def training_sets(recordings: Iterable[Recording]) -> list[tuple[Recording, DataSet]]:
+    return [(r, s) for r in recordings for s in r.sets if len(s.training)]
+
+
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
     return [
         {

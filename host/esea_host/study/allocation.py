@@ -24,7 +24,7 @@ from esea_gen.files import write_whole
 from esea_gen.toml_file import read_text
 from esea_host.study.log import LoggedEvent
 from esea_host.study.plan import group_of
-from esea_host.study.privacy import keyed, readable, sealed, unsealed, write_secret
+from esea_host.study.privacy import SEALED, keyed, readable, sealed, unsealed, write_secret
 from esea_host.study.protocol import Protocol, ProtocolFile, block_sizes
 
 
@@ -149,13 +149,16 @@ class Allocations:
         told = self._opened.get(code)
         if told is None:
             return None
-        return str(unsealed(self.key, told["sealed"])[0] if "sealed" in told else told["group"])
+        return str(unsealed(self.key, told[SEALED])[0] if SEALED in told else told["group"])
+
+    def stratum(self, code: str) -> str:
+        return str(self._strata[code])
 
     def next_place(self, stratum: str) -> int:
-        return 1 + sum(d["stratum"] == stratum for d in self._opened.values())
+        return 1 + [d["stratum"] for d in self._opened.values()].count(stratum)
 
     def places(self) -> int:
-        return sum(e.data["places"] for e in self.lists)
+        return sum(int(e.data["places"]) for e in self.lists)
 
     def make(self, by: str, keep: Path, places: int, reason: str) -> dict[str, Any]:
         """Draw a list: commitments into the study, the list into the third person's file."""
@@ -240,7 +243,7 @@ class Allocations:
             if Envelope(stratum, place, group, given).commitment == committed[place - 1]:
                 known = {"participant": code, "stratum": stratum, "place": place}
                 if blinded:
-                    return {**known, "sealed": sealed(self.key, [group, given])}
+                    return {**known, SEALED: sealed(self.key, [group, given])}
                 return {**known, "group": group, "code": given}
         raise UserError(
             f"{given or 'That'} does not open place {place}{_of(stratum)}.",

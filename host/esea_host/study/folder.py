@@ -42,6 +42,13 @@ TEXTS = "texts"
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
+def gone_from(folder: Path) -> set[str]:
+    """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
+    path = folder / AUDIT
+    entries = map(renamed, read_log(path).entries) if path.exists() else ()
+    return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
+
+
 def consent_date(text: str) -> str:
     """Today, or a date in the form 2026-11-26 that is not in the future."""
     today = calendar_date.today()
@@ -118,7 +125,10 @@ class StudyFolder:
     @cached_property
     def simulated(self) -> bool:
         """Whether no real person takes part; decided when the study was created."""
-        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+        entries = self.trail(strict=False)
+        if not self._found.sound_bytes:  # the first line, which says it, is not what was written
+            self._found.sound(self.path / AUDIT)
+        return bool(entries) and bool(entries[0].data.get("simulated"))
 
     def must_know_operator(self) -> None:
         if not self.by and not self.simulated:
@@ -258,9 +268,13 @@ class StudyFolder:
                     f"{code} has not consented.",
                     "Without written consent nothing starts: --consent.",
                 )
+        self.must_know_operator()
+        if not self.simulated and not form.strip():
+            raise UserError(
+                "A real study records which version of the consent form was signed.",
+                "Give --form VERSION.",
+            )
         given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
-        if not self.simulated:
-            check_record("consent", {"participant": "P", **given})
         with self._trail() as log:
             known = self.participants()
             for code in codes:
@@ -358,7 +372,8 @@ class StudyFolder:
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
-            session = StudySession(log, plan, code, source, rows, *given)
+            seal = self.key if self.blinded("operator") else None
+            session = StudySession(log, plan, code, source, rows, *given, seal)
             if source is None:
                 return session
             entry = {"participant": code, "session": number, "day": day, "early": early}

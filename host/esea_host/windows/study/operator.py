@@ -94,8 +94,10 @@ class OperatorWindow(StopWindow):
         self.conductor, self.words, self.board = conductor, words, board
         self.stopper = StopSender(board) if board is not None else None
         study = conductor.study
-        self.group = study.group_shown(conductor.code, "operator")
-        self._blind = "operator" in study.protocol.file.blinded
+        # A rehearsal is nobody's: it has no group.
+        rehearsal = "rehearsal" in conductor.banner
+        self.group = "" if rehearsal else study.group_shown(conductor.code, "operator")
+        self._blind = study.blinded("operator")
         number, name = conductor.number + 1, conductor.plan.session_name
         who = words("operator.who", code=conductor.code, number=number, name=name)
         if self.group:
