@@ -17,8 +17,8 @@ from scipy.signal import lfilter
 from esea_gen.tables import TableFormat, read_table
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
+    CATEGORIES,
     DEG,
-    DISORDERS,
     RANGE_RAD,
     RELAXED,
     SEVERITIES,
@@ -41,7 +41,7 @@ ELBOW_RAD = (35 * DEG, 180 * DEG)  # assumed
 
 def pendulum_table() -> list[dict[str, Any]]:
     """Pendulum tests of the middle patients."""
-    names = [RELAXED, *(f"{d}{s}" for d in DISORDERS for s in SEVERITIES)]
+    names = (RELAXED, *CATEGORIES)
     knees = Knees([nominal(n) for n in names])
     m = knees.release(0.0, 14.0, [[0, i] for i in range(len(names))])
     out = []
