@@ -16,6 +16,7 @@ from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.exchange import to_rows
+from esea_host.study.fitting import uses_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
@@ -237,6 +238,18 @@ def test_what_a_task_returns_wrongly_fails_its_trial(study, kind, monkeypatch, w
     assert [state.states[n] for n in (1, 2, 3)] == ["failed", "failed", "pending"]
     if wrong not in ("raises", "exits"):  # it would be raised in the replay again
         assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+@pytest.mark.parametrize(
+    "part", [lambda *_: 1 / 0, lambda *_: None, lambda *_: {"x": np.nan}, lambda *_: np.inf]
+)
+def test_a_task_that_does_not_say_what_it_needs_is_told(kind, monkeypatch, protocol, part):
+    monkeypatch.setattr(kind, "longest_s", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        explain(protocol)
+    monkeypatch.setattr(kind, "conditions", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        uses_of(protocol)
 
 
 @pytest.mark.parametrize(

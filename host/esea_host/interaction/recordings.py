@@ -39,8 +39,8 @@ from esea_host.interaction.design import element_of
 from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
-from esea_host.study.folder import gone_from
 from esea_host.study.privacy import PRIVATE
+from esea_host.study.records import gone_from
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"

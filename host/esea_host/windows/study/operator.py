@@ -152,6 +152,7 @@ class OperatorWindow(StopWindow):
         self.trials.verticalHeader().setDefaultSectionSize(24)
         self.trials.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.trials.setSelectionMode(QTableWidget.SelectionMode.SingleSelection)
+        self.trials.setWordWrap(False)
         self.trials.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
@@ -378,8 +379,9 @@ class OperatorWindow(StopWindow):
         super().set_theme(theme)
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
-        for part in (*self.gauges, self.adverse):
-            part.theme = theme
+        self.adverse.theme = theme
+        for bar in self.gauges:
+            bar.theme = theme
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:
