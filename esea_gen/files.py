@@ -202,7 +202,7 @@ def _holder(file: int) -> dict[str, Any]:
 
 def _held(path: Path, holder: Mapping[str, Any], fix: str) -> UserError:
     who, pid, host, since = (holder.get(k, "?") for k in ("person", "pid", "host", "since"))
-    text = f"{path.with_suffix('')} is in use by {who} (process {pid} on {host}, since {since})."
+    text = f"{path}: in use by {who} (process {pid} on {host}, since {since})."
     return UserError(text, fix)
 
 
@@ -246,14 +246,18 @@ def result_schema(name: str) -> str:
     return known[name].read_text(encoding="utf-8")
 
 
+def read_json(path: Path, fix: str) -> Any:
+    data = read_whole(path, fix)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read as JSON ({error}).", fix) from None
+
+
 def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     """A result that :func:`write_json` wrote."""
     known, make = " or ".join(kinds), "Give the file that --json wrote."
-    data = read_whole(path, make)
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read as JSON ({error}).", make) from None
+    content = read_json(path, make)
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"

@@ -112,6 +112,13 @@ def the_examples_are_trusted(tmp_path_factory):
         yield
 
 
+@pytest.fixture
+def busy_machine(monkeypatch):
+    """A board in real time may be starved: longer waits for its answers, and more tries."""
+    monkeypatch.setattr("esea_host.connection.identity.PROBE_S", 120.0)
+    monkeypatch.setattr("esea_gen.link.messenger.AGE_S", 120.0)
+
+
 @pytest.fixture(scope="session")
 def elbow() -> Device:
     return esea_gen.load_device("elbow")

@@ -10,7 +10,7 @@ import socket
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -47,17 +47,6 @@ def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
     return [*command, "-nodefaults", *more]
 
 
-def program_command(image: FirmwareImage, board: Board) -> list[str]:
-    """What runs an image that is a program, on a processor of its own or emulated."""
-    runner = board.runner and find_compiler(board.runner, "qemu-user")
-    return [*([runner] if runner else []), str(image.elf)]
-
-
-def emulator_version() -> str:
-    """First line of QEMU's version."""
-    return compiler_version(find_qemu())
-
-
 def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:
     """Start what an image runs on, QEMU or the host itself."""
     board = find_board(image.board)
@@ -67,7 +56,9 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
             "Drive it from Python (esea_gen.board.sim.SimBoard), or choose another board.",
         )
     if not board.machine:
-        return ProcessTransport.over_stdio([*program_command(image, board), *options])
+        # On a processor of its own, or emulated.
+        runner = [find_compiler(board.runner, "qemu-user")] if board.runner else []
+        return ProcessTransport.over_stdio([*runner, str(image.elf), *options])
     with (
         tempfile.TemporaryDirectory(prefix="esea-") as folder,
         socket.socket(socket.AF_UNIX) as server,
@@ -115,13 +106,6 @@ class RunningBoard(Session):
         self.device = device
         dialect = load_dialect(device)
         super().__init__(start_board(image, timeout_s, options), dialect, timeout_s)
-
-    def run_task(
-        self, task: str, inputs: Mapping[str, Array], progress: Progress | None = None
-    ) -> tuple[dict[str, Array], Array]:
-        """Run a task over a stream, a window of frames on the way."""
-        outputs, ticks = self.run_tasks({task: inputs}, progress)
-        return outputs[task], ticks[task]
 
     def run_tasks(
         self, inputs: Mapping[str, Mapping[str, Array]], progress: Progress | None = None
@@ -214,11 +198,9 @@ class EmulatorResult:
 
     def to_dict(self) -> dict[str, Any]:
         """The findings, for a JSON report."""
-        names = [f.name for f in fields(self) if f.name not in ("outputs", "step_instructions")]
-        found = {name: getattr(self, name) for name in names}
-        difference = self.first_difference
-        found["first_difference"] = None if difference is None else asdict(difference)
-        return found | {"hash_matches": self.hash_matches}
+        small = replace(self, outputs={}, step_instructions=np.zeros(0))
+        found = asdict(small) | {"hash_matches": self.hash_matches}
+        return {k: v for k, v in found.items() if k not in ("outputs", "step_instructions")}
 
 
 def first_difference(board: Mapping[str, Array], host: Mapping[str, Array]) -> Difference | None:
@@ -341,7 +323,7 @@ def run_tasks_in_emulator(
             bad_frames=info.bad_frames,
             unknown_messages=info.unknown_messages,
             lost_bytes=info.lost_bytes,
-            emulator=emulator_version() if emulated else "none: the host itself",
+            emulator=compiler_version(find_qemu()) if emulated else "none: the host itself",
             compiler=image.compiler,
             duration_s=duration_s,
             outputs=outputs[name],

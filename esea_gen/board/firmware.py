@@ -21,7 +21,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool, write_texts
 from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
@@ -92,12 +92,6 @@ def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
 
 
-def _sections(elf: Path, size: str) -> dict[str, int]:
-    done = run_tool([size, "-A", elf], failed="size failed")
-    rows = (line.split() for line in done.stdout.splitlines())
-    return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
-
-
 def build_firmware(
     device: Device,
     board: str,
@@ -123,10 +117,7 @@ def build_firmware(
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
             texts[f"{chosen.folder}/drivers.c"] = drivers
-        for name, text in texts.items():
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(text, encoding="utf-8")
+        write_texts(folder, texts)
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
         objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
@@ -140,7 +131,9 @@ def build_firmware(
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
 
-        sections = _sections(built, find_compiler(*toolchain.tool("size")))
+        size = [find_compiler(*toolchain.tool("size")), "-A", built]
+        rows = (x.split() for x in run_tool(size, failed="size failed").stdout.splitlines())
+        sections = {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
         graphs = sorted((folder / real).glob("*.ci"))
         entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}
         step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
@@ -157,13 +150,16 @@ def build_firmware(
                 f"({bounds}), the image has {stack_bytes}.",
                 "Ask for less in one task; with a [family] take a member of fewer terms.",
             )
-        target = _place(built, out)
+        digest = re.search(r'_CONTENT_HASH "(\w+)"', files[f"{prefix}.h"])
+        target = out / built.name
+        write_whole(target, built.read_bytes())
+        target.chmod(0o755)
     return FirmwareImage(
         elf=target,
         board=board,
         real=real,
         device=device.name,
-        content_hash=_hash_in(files[f"{prefix}.h"]),
+        content_hash=digest[1] if digest else "",
         flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
         ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
         noinit_bytes=sections.get(".noinit", 0),
@@ -252,24 +248,3 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
     sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
     names = [p.relative_to(folder).as_posix() for p in sources]
     return compile_objects(folder, board.processor.toolchain, flags, names)
-
-
-def _hash_in(header: str) -> str:
-    found = re.search(r'_CONTENT_HASH "(\w+)"', header)
-    return found.group(1) if found else ""
-
-
-def _place(built: Path, out: Path) -> Path:
-    target = out / built.name
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        # Copy beside the target, then rename: a reader sees a whole image or none.
-        partial = out / f".{built.name}.tmp"
-        shutil.copyfile(built, partial)
-        partial.chmod(0o755)
-        partial.replace(target)
-    except OSError as error:
-        raise UserError(
-            f"{out}: cannot be written ({error.strerror or error}).", "Give another --out folder."
-        ) from error
-    return target

@@ -71,8 +71,7 @@ def _reproductions() -> dict[str, Any]:
 
 def _reproduce(written: Written) -> Callable[..., None]:
     def run(json_file: Path | None, figure: Path | None, data: Path | None = None) -> None:
-        from esea_gen.reproduce.reproduction import Reproduction
-        from esea_gen.studies.registry import load_study
+        from esea_gen.studies.registry import Reproduction, load_study
 
         # Any reproduction makes something; which, only itself knows.
         study: Reproduction[Any] = load_study(written.name, Reproduction)

@@ -15,7 +15,7 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.errors import UserError, choose
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import read_json, write_json, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.identify.published.search_problem import PresentBest, Searching
@@ -254,7 +254,7 @@ def uncertainty(
     figure: options.FigureOption = None,
 ) -> None:
     """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
-    from esea_gen.studies.uncertainty.spread import identified_spread
+    from esea_gen.studies.uncertainty.motions import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
     loaded = esea_gen.load_device(device)
@@ -295,7 +295,7 @@ def torque_check(
     """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
     from esea_gen.studies.torque_check.check import TorqueCheck, instructions
     from esea_gen.studies.torque_check.procedure import KnownLoad
-    from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
+    from esea_gen.studies.torque_check.recording import apply_recording, read_recording
 
     loaded = esea_gen.load_device(device)
     check = None
@@ -304,7 +304,7 @@ def torque_check(
             raise UserError(
                 "--resume already knows the load.", "Leave --mass and --arm out, or start anew."
             )
-        check = TorqueCheck.resumed(loaded, read_check(resume))
+        check = TorqueCheck.resumed(loaded, read_json(resume, "Give the file that --json wrote."))
     elif mass is not None and arm is not None:
         check = TorqueCheck(
             loaded,

@@ -6,8 +6,8 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
-from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile, field_facts, quantities_of, series_of
-from esea_gen.devices.numbers import Quantity, Series
+from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
+from esea_gen.devices.numbers import Facts, Quantity, Series, beyond, numbers_of
 from esea_gen.devices.rubber import LEAST_FACTOR, FamilyTemperature, FamilyTerm
 from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
@@ -151,8 +151,7 @@ FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for thi
 
 def check_content(origin: str, text: str, file: DeviceFile) -> None:
     """Bounds of every number, then what numbers must be to each other."""
-    found = [p for key, q in quantities_of(file) for p in _check_value(key, q)]
-    found += [p for key, row in series_of(file) for p in _check_series(key, row)]
+    found = [p for number in numbers_of(file) for p in _check_number(*number)]
     found += _check_texts(file)
     # Relations of numbers that are wrong themselves say nothing more.
     found = found or [p for check in RELATIONS for p in check(file)]
@@ -164,36 +163,26 @@ def _first_key(what: str) -> list[str]:
     return re.findall(r"\w+", what.split(maxsplit=1)[0])
 
 
-def _check_value(key: str, q: Quantity) -> Iterator[UserError]:
-    extra = field_facts(key)
+def _check_number(key: str, number: Quantity | Series, facts: Facts) -> Iterator[UserError]:
     unit = unit_of(key)
-    shown = "" if unit == "1" else f" {unit}"
-    if not extra["low"] <= q.value <= extra["high"]:
-        side, limit = (
-            ("below", extra["low"]) if q.value < extra["low"] else ("above", extra["high"])
-        )
+    if isinstance(number, Quantity):
+        problem = beyond(key, number.value, facts, "" if unit == "1" else f" {unit}")
+        if problem is not None:
+            yield problem
+        if facts["whole"] and number.value != math.floor(number.value):
+            yield UserError(f"{key} = {number.value:g} is not a whole number.", "Give a whole one.")
+        return
+    sizes = ", ".join(map(str, facts["sizes"]))
+    if len(number.values) not in facts["sizes"]:
         yield UserError(
-            f"{key} = {q.value:g}{shown} is {side} its limit {limit:g}{shown} ({extra['text']})",
-            f"Give a value from {extra['low']:g} to {extra['high']:g}{shown}.",
-        )
-    if extra["whole"] and q.value != math.floor(q.value):
-        yield UserError(f"{key} = {q.value:g} is not a whole number.", "Give a whole one.")
-
-
-def _check_series(key: str, row: Series) -> Iterator[UserError]:
-    extra = field_facts(key)
-    unit = unit_of(key)
-    sizes = ", ".join(map(str, extra["sizes"]))
-    if len(row.values) not in extra["sizes"]:
-        yield UserError(
-            f"{key} has {len(row.values)} values; it takes {sizes}. ({extra['text']})",
+            f"{key} has {len(number.values)} values; it takes {sizes}. ({facts['text']})",
             "Give one of these numbers of values, at equal steps.",
         )
-    for i, value in enumerate(row.values):
-        if not extra["low"] <= value <= extra["high"]:
+    for i, value in enumerate(number.values):
+        if not facts["low"] <= value <= facts["high"]:
             yield UserError(
                 f"{key}: value {i} (counted from 0) is {value:g} {unit}, outside "
-                f"{extra['low']:g} to {extra['high']:g} {unit}.",
+                f"{facts['low']:g} to {facts['high']:g} {unit}.",
                 "Check its unit and sign.",
             )
 
@@ -203,8 +192,7 @@ def _check_texts(file: DeviceFile) -> Iterator[UserError]:
     texts = [("title", file.title)]
     if file.family is not None:
         texts += [(f"family.{k}", getattr(file.family, k)) for k in ("member", "title")]
-    texts += [(f"{key}.source", q.source) for key, q in quantities_of(file)]
-    texts += [(f"{key}.source", row.source) for key, row in series_of(file)]
+    texts += [(f"{key}.source", number.source) for key, number, _ in numbers_of(file)]
     for key, text in texts:
         bad = next((b for b in ("*/", "/*", "\\") if b in text), None)
         if bad is None and not text.isprintable():
@@ -217,18 +205,7 @@ def _check_texts(file: DeviceFile) -> Iterator[UserError]:
 
 
 def _check_relations(file: DeviceFile) -> Iterator[UserError]:
-    values = dict(quantities_of(file))
-    for inner, outer in (
-        ("domain.theta_max_rad", "limits.theta_rad"),
-        ("domain.omega_max_rad_s", "limits.omega_rad_s"),
-        ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
-    ):
-        if values[inner].value > values[outer].value:
-            yield UserError(
-                f"{inner} = {values[inner].value:g} is above {outer} = "
-                f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
-                f"Raise {outer} or lower {inner}.",
-            )
+    values = {k: q for k, q, _ in numbers_of(file) if isinstance(q, Quantity)}
     rate = values["timing.sense_rate_Hz"].value
     period = round(1e6 / rate)
     if abs(1e6 / rate - period) > WHOLE_PERIOD * period:
@@ -266,6 +243,9 @@ NEEDS = {
 }
 # Numbers of which the first may not be above the second.
 ORDERED = (
+    ("domain.theta_max_rad", "limits.theta_rad"),
+    ("domain.omega_max_rad_s", "limits.omega_rad_s"),
+    ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
     ("joint.theta_min_rad", "joint.theta_max_rad"),
     ("safety.rom_min_rad", "safety.rom_max_rad"),
     ("safety.u_max_Nm", "actuator.u_max_Nm"),
@@ -296,7 +276,7 @@ def _check_sections(file: DeviceFile) -> Iterator[UserError]:
 
 def _check_control(file: DeviceFile) -> Iterator[UserError]:
     yield from _check_sections(file)
-    values = {k: q.value for k, q in quantities_of(file)}
+    values = {k: q.value for k, q, _ in numbers_of(file) if isinstance(q, Quantity)}
     for low, high in ORDERED:
         if low in values and high in values and values[low] > values[high]:
             yield UserError(

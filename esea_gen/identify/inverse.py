@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy  # its parts are read on first use
 
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import Inverse, field_facts
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.identify.drafting import files_of
@@ -44,8 +44,7 @@ from esea_gen.identify.published.search_problem import (
     runner_up,
     sobol_points,
 )
-from esea_gen.identify.published.space import with_values
-from esea_gen.identify.recording.recorded import Misfits, Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
 from esea_gen.identify.recording.resampling import autocorrelation
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
@@ -75,7 +74,7 @@ class PlayPlant:
         self, device: Device, recordings: Sequence[Recording], rows: int | None = None
     ) -> None:
         # A trial's set-point may be far off: nothing may clip it.
-        wide = with_values(device, {}, limits={"theta_rad": 1e3})
+        wide = with_numbers(device, {"limits.theta_rad": 1e3})
         block = published_inverse(wide, tunable=True)
         self.runner: CRunner = compile_system(inverse_system(wide, block), "f64").block(block.name)
         self.evaluations = 0
@@ -223,13 +222,8 @@ class InverseFit:
         parameters = {}
         for key, value in self.values.items():
             low, high = play_bounds(key)
-            parameters[key] = {
-                "value": value,
-                "sigma": self.sigma[key],
-                "low": low,
-                "high": high,
-                "published": PLAY_DEFAULTS[key],
-            }
+            parameters[key] = {"value": value, "sigma": self.sigma[key], "low": low, "high": high}
+            parameters[key]["published"] = PLAY_DEFAULTS[key]
         return {
             "parameters": parameters,
             "correlation": self.correlation,
@@ -240,9 +234,7 @@ class InverseFit:
             "mean_rms_published": self.published.means(full),
             "search": {
                 "fitness": "mean over data sets of the mean square deflection error (4.14)",
-                "seed": self.seed,
-                "population": self.population,
-                "evaluations": self.evaluations,
+                **{k: getattr(self, k) for k in ("seed", "population", "evaluations")},
                 "runner_up": self.runner_up if math.isfinite(self.runner_up) else None,
             },
             "notes": list(self.notes),
@@ -344,7 +336,7 @@ def _check(device: Device, recordings: Sequence[Recording]) -> None:
             "no dead zone.",
             "Use the exact inverse for this device.",
         )
-    if not any(len(s.training) for r in recordings for s in r.sets):
+    if not training_sets(recordings):
         raise UserError("No recording trains the inverse.", "Give one with training cycles.")
     limit = device.file.limits.tau_Nm.value
     for r in recordings:

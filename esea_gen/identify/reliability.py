@@ -25,8 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_gen.identify.drafting import draft
-from esea_gen.identify.identification import fit_split
+from esea_gen.identify.drafting import draft, fit_split
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.mapping import load_mapping
@@ -173,8 +172,9 @@ def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
         )
     absolute, consistent = coefficients(table)
     largest = float(np.max(np.abs(table.mean(axis=1))))
+    others = [np.delete(table, i, axis=1).mean(axis=1) for i in range(len(names))]
     apart = {
-        n: 100 * float(np.sqrt(np.mean((table[:, i] - _others(table, i)) ** 2))) / largest
+        n: 100 * float(np.sqrt(np.mean((table[:, i] - others[i]) ** 2))) / largest
         for i, n in enumerate(names)
     }
     pairs = tuple(
@@ -182,10 +182,6 @@ def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
         for (i, a), (j, b) in combinations(enumerate(names), 2)
     )
     return Reliability(names, len(table), absolute, consistent, pairs, apart)
-
-
-def _others(table: Array, column: int) -> Array:
-    return np.asarray(np.delete(table, column, axis=1).mean(axis=1))
 
 
 def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:

@@ -11,10 +11,11 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 from esea_gen.report import drive, sensing
 from esea_gen.report.common import REAL_NAMES
 from esea_gen.report.findings import Findings, Say, run_board
-from esea_gen.report.page import finite, render
+from esea_gen.report.page import render
 from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.verdict import Verification
@@ -49,7 +50,7 @@ class Report(Findings):
         }
         for section in (self.kind.HEAD, *self.kind.SECTIONS):
             content |= section.content(self)
-        finished: dict[str, Any] = finite(content | {"command": self.command})
+        finished: dict[str, Any] = plain(content | {"command": self.command}, null=True)
         return finished
 
     def summary(self) -> list[str]:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
-from pydantic_core import to_jsonable_python
 
 from esea_gen import pages
 
@@ -91,8 +90,3 @@ def for_people(value: float, unit: str) -> str:
 def count_text(value: int) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{value:,}".replace(",", "\u202f")
-
-
-def finite(content: Any) -> Any:
-    """JSON-ready content: None in place of NaN and infinity, plain Python numbers."""
-    return to_jsonable_python(content, inf_nan_mode="null", fallback=lambda v: v.tolist())

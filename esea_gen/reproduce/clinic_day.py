@@ -33,7 +33,7 @@ from esea_gen.reproduce.measures import (
     FUNCTIONAL_Hz,
     SIMPLE_Hz,
 )
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 
 DEVICE, COUNT, APART_S, NIGHT_S = "elbow", 16, 300.0, 12 * 3600.0
 AMPLITUDE_rad = np.deg2rad(10.0)

@@ -27,7 +27,7 @@ from esea_gen.analysis.response import (
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 from esea_gen.tables import read_table
 
 SWEEP = Sweep(0.0, 40.0, 40.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import textwrap
 import tomllib
@@ -17,8 +16,9 @@ from matplotlib.figure import Figure
 
 from esea_gen import __version__
 from esea_gen.errors import UserError
+from esea_gen.files import read_json
 from esea_gen.reproduce.measures import Measures
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 
 # A word that only one command writes at the top of its file.
 MARKS = {"comparisons": "interaction", "tables": "wrist", "motions": "assess"}
@@ -45,10 +45,7 @@ class HostResults:
     def read(cls, paths: Sequence[Path]) -> HostResults:
         found: dict[str, dict[str, Any]] = {}
         for path in paths:
-            try:
-                content = json.loads(path.read_text(encoding="utf-8"))
-            except (OSError, ValueError) as error:
-                raise UserError(f"{path}: no JSON that can be read ({error}).", FIX) from None
+            content = read_json(path, FIX)
             content = content if isinstance(content, dict) else {}
             kinds = [kind for mark, kind in MARKS.items() if mark in content]
             if not kinds:
@@ -164,17 +161,10 @@ class VerdictOn:
             | {"off": self.off.get(n)}
             for n in dict.fromkeys([*p.published, *self.ours])
         ]
-        return {
-            "id": p.id,
-            "chapter": p.chapter,
-            "title": p.title,
-            "verdict": self.verdict,
-            "why": self.why,
-            "unit": p.unit,
-            "rows": rows,
-            "simulated": p.simulated and bool(self.ours),
-            "command": p.command,
-        }
+        printed = {k: getattr(p, k) for k in ("id", "chapter", "title", "unit", "command")}
+        simulated = p.simulated and bool(self.ours)
+        own = {"verdict": self.verdict, "why": self.why, "rows": rows, "simulated": simulated}
+        return printed | own
 
 
 @cache

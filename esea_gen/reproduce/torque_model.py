@@ -26,7 +26,7 @@ from esea_gen.language.ports import Array
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
 from esea_gen.plotting import INK
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 from esea_gen.studies.uncertainty.motions import END_S, SIGNALS, evaluation_filter
 
 SWEEP_HZ_S = 0.5 / 60

@@ -10,11 +10,13 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError, choose
 from esea_gen.python_file import import_file
@@ -89,3 +91,26 @@ def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:
                 )
             found[item.name] = item()
     return found
+
+
+class Outcome(Protocol):
+    """What any study comes to; its JSON is ``to_dict()``, or its fields."""
+
+    def table(self) -> list[str]: ...
+
+    def figure(self) -> Figure: ...
+
+
+Made = TypeVar("Made", bound=Outcome)
+
+
+class Reproduction(Study, Generic[Made]):
+    """A published table or figure made again."""
+
+    recordings: ClassVar[bool] = False
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
+        raise UserError(f"study {self.name}: has no method run.", "Write it: what is recomputed.")
+
+    def reproduced(self, outcome: Made) -> bool:
+        return True

@@ -212,9 +212,9 @@ def step_arguments(
     coefficients = coefficients_of(block, fmt, {})
     arguments = [np.tile(np.asarray(c, fmt.dtype), (stream.steps, 1)) for c in coefficients]
     with np.errstate(over="ignore"):
-        for start, values in sorted(stream.coefficients.items()):
+        for k, values in sorted(stream.coefficients.items()):
             for a, c in zip(arguments, changed(block, coefficients, values), strict=True):
-                a[start:] = c
+                a[k:] = c
     for p, start in zip(block.state, initial_state(block, fmt, coefficients), strict=True):
         after = np.asarray(states[p.name], fmt.dtype).reshape(stream.steps, p.size)
         before = np.concatenate([np.asarray(start, fmt.dtype).reshape(1, p.size), after[:-1]])

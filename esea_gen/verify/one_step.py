@@ -6,30 +6,19 @@ Where rounding turns a decision, its operands must be nearer than their derived 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-
 import casadi as ca
 import numpy as np
 
 from esea_gen.emit.error_bounds import node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.step_errors import Bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.verify.executor import coefficients_of, evaluate, step_arguments
+from esea_gen.verify.verdict import ONE_STEP, Comparison
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
-
-
-@dataclass
-class OneStep:
-    """What the steps of one stream add, each from the C's own memory."""
-
-    errors: dict[str, float] = field(default_factory=dict)
-    turned: int = 0
-    problems: list[str] = field(default_factory=list)
 
 
 class StepRule:
@@ -38,12 +27,7 @@ class StepRule:
     def __init__(self, block: Block) -> None:
         self.block = block
         single, double = FORMATS["f32"], FORMATS["f64"]
-        near, far = step_bound(block, single), step_bound(block, double)
-        self.bound: Bound = replace(
-            near,
-            outputs={k: v + far.outputs[k] for k, v in near.outputs.items()},
-            states={k: v + far.states[k] for k, v in near.states.items()},
-        )
+        self.bound = step_bound(block, single).with_errors_of(step_bound(block, double))
         self.kernel, self.errors = node_errors(block, single)
         _, errors = node_errors(block, double)
         self.errors = [a + b for a, b in zip(self.errors, errors, strict=True)]
@@ -63,9 +47,11 @@ class StepRule:
 
     def compare(
         self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
-    ) -> OneStep:
+    ) -> Comparison:
         """Hold every step of a run of the C against the symbolic step from the same memory."""
-        found = OneStep()
+        bounds = self.bound.states | self.bound.outputs
+        names = self.block.name, stream.name, "f32"
+        found = Comparison(*names, stream.steps, {}, bounds, rule=ONE_STEP)
         single = FORMATS["f32"]
         given = step_arguments(self.block, stream, states, single)
         values = evaluate(self.kernel, single, given)
@@ -77,7 +63,9 @@ class StepRule:
         told = evaluate(self.told, FORMATS["f64"], [*double, chosen])
         turned = self._turned(told, chosen, found)
         found.turned = int(turned.sum())
-        expected = self._symbolic(double)
+        # CasADi's own evaluation of the step, for all steps at once.
+        mapped = self.block.step.map(stream.steps).call([ca.DM(a.T) for a in double])
+        expected = [np.asarray(r, dtype=float).T for r in mapped]
         ports = (*self.block.state, *self.block.outputs)
         got = [states[p.name] for p in self.block.state] + [
             outputs[p.name] for p in self.block.outputs
@@ -99,12 +87,7 @@ class StepRule:
                 found.problems.append(f"{p.name}: one step adds {error:.3g}, above {limit:.3g}")
         return found
 
-    def _symbolic(self, arguments: list[Array]) -> list[Array]:
-        # CasADi's own evaluation of the step, for all steps at once.
-        step = self.block.step.map(len(arguments[0]))
-        return [np.asarray(r, dtype=float).T for r in step.call([ca.DM(a.T) for a in arguments])]
-
-    def _turned(self, told: list[Array], chosen: Array, found: OneStep) -> Array:
+    def _turned(self, told: list[Array], chosen: Array, found: Comparison) -> Array:
         compare = {"lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal}
         any_turned = np.zeros(len(chosen), dtype=bool)
         for k, i in enumerate(self.decisions):

@@ -6,11 +6,11 @@ state is moved until both meet; kept is what shows when the decision is turned.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import joblib
 import numpy as np
 import numpy.typing as npt
 
@@ -50,7 +50,7 @@ def aimed_stream(
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
     if not aim.decisions:
         return []
-    digest = aim.digest(tried, f"{seed} {trials}")
+    digest = aim.digest(tried, (seed, trials))
     if digest not in _FOUND:  # of an equal Block, as devices share them
         _FOUND[digest] = _aimed(aim, tried, seed, trials)
     return _FOUND[digest]
@@ -76,7 +76,8 @@ def _aimed(aim: _Aim, tried: Sequence[Stream], seed: int, trials: int) -> list[S
         # Rounded before, so that the tie is one of the numbers that the stream holds.
         start = [single(p[rows]) for p in pool]
         aims = np.resize(rng.permutation(wanted), count)
-        moved = [_pick(rng, cones, aim.kernel.nodes[i].args) for i in aims]
+        found = (frozenset().union(*(cones[a] for a in aim.kernel.nodes[i].args)) for i in aims)
+        moved = [sorted(x)[int(rng.integers(len(x)))] for x in found]
         search = _Search(aim, start, aims, moved, rng)
         ties = search.ties()
         shown = ties & search.shows()
@@ -107,20 +108,12 @@ class _Aim:
         ]
         return cls(block, fmt, kernel, decisions, coefficients_of(block, fmt, {}))
 
-    def digest(self, tried: Sequence[Stream], more: str) -> str:
+    def digest(self, tried: Sequence[Stream], more: tuple[int, ...]) -> str:
         # Of all that the search reads.
-        said = hashlib.sha256(f"{self.fmt.name} {more}\n{self.kernel}".encode())
-        double = FORMATS["f64"]
-        exact = coefficients_of(self.block, double, {})
-        memory = (*self.coefficients, *exact, *initial_state(self.block, double, exact))
-        said.update(repr((self.ports, [np.asarray(v).tolist() for v in memory])).encode())
-        for stream in tried:
-            said.update(repr([*stream.coefficients]).encode())
-            for values in (stream.inputs, *stream.injections.values()):
-                for name, value in values.items():
-                    said.update(name.encode() + np.ascontiguousarray(value).tobytes())
-            said.update(repr([*stream.injections]).encode())
-        return said.hexdigest()
+        exact = coefficients_of(self.block, FORMATS["f64"], {})
+        memory = exact, initial_state(self.block, FORMATS["f64"], exact)
+        content = self.fmt.name, self.kernel, self.ports, self.coefficients, memory, tried, more
+        return str(joblib.hash(content))
 
     @property
     def first(self) -> int:
@@ -302,13 +295,6 @@ def _cones(kernel: Kernel, first: int) -> list[frozenset[tuple[int, int]]]:
             moving = n.args[1:] if n.op in ("if_else_zero", "select") else n.args
             out.append(frozenset().union(*(out[a] for a in moving)))
     return out
-
-
-def _pick(
-    rng: np.random.Generator, cones: list[frozenset[tuple[int, int]]], args: tuple[int, ...]
-) -> tuple[int, int]:
-    elements = sorted(frozenset().union(*(cones[a] for a in args)))
-    return elements[int(rng.integers(len(elements)))]
 
 
 def _steps(aim: _Aim, rows: list[list[Array]]) -> list[Stream]:

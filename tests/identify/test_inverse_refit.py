@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.device import Device, load_device, parse_device
-from esea_gen.devices.writing import render_toml
+from esea_gen.devices.file import render_toml
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError

@@ -21,7 +21,7 @@ from tests.conftest import require_tool, until
 
 
 @pytest.fixture
-def address(tmp_path, monkeypatch):
+def address(tmp_path, monkeypatch, busy_machine):
     """A simulated board behind a socket, of this test alone; the user's folder is empty."""
     require_tool("gcc")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))

@@ -211,7 +211,7 @@ def test_no_changed_byte_and_no_cut_leaves_a_complete_recording(tmp_path, compre
 def test_a_wrong_length_costs_one_piece(tmp_path, compress):
     path = tmp_path / "a.mcap"
     data = small(path, compress)
-    place = esea_host.open_log(path).file.pieces[1].offset
+    place = esea_host.open_log(path).pieces[1].offset
     for byte in range(1, 9):
         path.write_bytes(data[: place + byte] + b"\x81" + data[place + byte + 1 :])
         log = esea_host.open_log(path)
@@ -224,7 +224,7 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
-@pytest.mark.parametrize("limit_bytes", [7000, 100_001])
+@pytest.mark.parametrize("limit_bytes", [pytest.param(7000, marks=pytest.mark.ci), 100_001])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
     path = tmp_path / "a.mcap"
@@ -277,7 +277,7 @@ def test_a_damaged_piece_is_a_gap_and_a_figure_across_it_is_refused(tmp_path, co
     with Recorder(path, compress=compress, piece_s=0) as recorder:
         for first in range(0, 50, 10):
             write(recorder, made(first, 10))
-    second = esea_host.open_log(path).file.pieces[2]
+    second = esea_host.open_log(path).pieces[2]
     flip(path, second.data + (second.end - second.data) // 2)
     log = esea_host.open_log(path)
     table = log["sense_out"]
@@ -349,7 +349,7 @@ def lost_by_kill(folder: Path, moment_s: float) -> tuple[int, int]:
 RANDOM = Random(16)
 
 
-@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5) for _ in range(2)])
+@pytest.mark.parametrize("moment_s", [RANDOM.uniform(0.02, 2.5)])
 def test_after_kill_nine_at_most_a_second_is_gone(tmp_path, moment_s):
     handed, left = lost_by_kill(tmp_path, moment_s)
     assert left <= handed + 100  # said a moment later than written

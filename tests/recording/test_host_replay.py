@@ -116,7 +116,7 @@ def test_a_single_flipped_bit_is_found_and_named(recorded, tmp_path, stream, tic
 def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     """A piece cut out of the middle: less is proven, and how much is reported."""
     log = esea_host.open_log(recorded)
-    pieces = log.file.pieces
+    pieces = log.pieces
     largest = max(pieces[1:-1], key=lambda p: p.end - p.offset)
     data = recorded.read_bytes()
     path = tmp_path / "b.mcap"

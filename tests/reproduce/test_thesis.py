@@ -192,7 +192,11 @@ def test_results_of_virtual_people_stand_beside_and_prove_nothing(host_files):
 
 
 def test_other_files_are_refused(host_files, tmp_path):
-    for text, said in (("{", "no JSON"), ("[1]", "not a result"), ('{"x": 1}', "not a result")):
+    for text, said in (
+        ("{", "read as JSON"),
+        ("[1]", "not a result"),
+        ('{"x": 1}', "not a result"),
+    ):
         path = tmp_path / "other.json"
         path.write_text(text)
         with pytest.raises(UserError, match=said):

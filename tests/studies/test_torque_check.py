@@ -438,7 +438,7 @@ def test_the_command(tmp_path, command):
         (("--mass", 1), "--arm missing"),
         (("--recording", "x.csv"), "--mass and --arm missing"),
         ((*LOAD, "--recording", "none.csv"), "cannot be read"),
-        (("--resume", "none.json"), "cannot be read as JSON"),
+        (("--resume", "none.json"), "cannot be read"),
         (("--resume", "none.json", "--mass", 1), "already knows the load"),
     ],
 )

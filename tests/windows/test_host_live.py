@@ -271,7 +271,7 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
     seen[1].recording.close()
     whole = (tmp_path / "a.mcap").read_bytes()
     with esea_host.open_log(tmp_path / "a.mcap") as log:
-        piece = log.file.pieces[len(log.file.pieces) // 2]
+        piece = log.pieces[len(log.pieces) // 2]
         before = log["sense_out"]
         with PlayedBoard(log, 3.0) as board:
             steps = list(board.steps())

@@ -75,28 +75,25 @@ class Looking(VirtualPerson):
 
 def test_participants_get_over_the_link_what_the_application_has(begun):
     """Rows made of the application's memory are those of the session, to the bit."""
-    for number in range(3):
-        session, source = begun(
-            NEUTRAL % HEALTHY, RANGE % ("RU", HEALTHY), code=f"P{number:02d}", kind=Looking
-        )
-        source.seen = []
-        assert session.run() == ""
-        samples = [s for data in logged(session, "frames") for s in data["samples"]]
-        assert [list(x.values()) for x in source.seen] == [s[1:] for s in samples]
-        past = []
-        for trial in session.state.plan.trials:
-            task = task_named(trial.task, "")
-            state = task.begin(Situation(task.Parameters(**trial.parameters), "", tuple(past), 0))
-            for time_s, *_ in samples:
-                step = task.step(state, time_s, source.seen.pop(0))
-                state = step.state
-                if step.outcome is not None:
-                    break
-            samples = samples[len(samples) - len(source.seen) :]
-            row = session.state.past[trial.number - 1]
-            assert step.outcome.row.items() <= row.items()
-            past.append(row)
-        assert all(same for *_, same in replay(session.log.path))
+    session, source = begun(NEUTRAL % HEALTHY, RANGE % ("RU", HEALTHY), kind=Looking)
+    source.seen = []
+    assert session.run() == ""
+    samples = [s for data in logged(session, "frames") for s in data["samples"]]
+    assert [list(x.values()) for x in source.seen] == [s[1:] for s in samples]
+    past = []
+    for trial in session.state.plan.trials:
+        task = task_named(trial.task, "")
+        state = task.begin(Situation(task.Parameters(**trial.parameters), "", tuple(past), 0))
+        for time_s, *_ in samples:
+            step = task.step(state, time_s, source.seen.pop(0))
+            state = step.state
+            if step.outcome is not None:
+                break
+        samples = samples[len(samples) - len(source.seen) :]
+        row = session.state.past[trial.number - 1]
+        assert step.outcome.row.items() <= row.items()
+        past.append(row)
+    assert all(same for *_, same in replay(session.log.path))
 
 
 def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
@@ -140,7 +137,7 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
     session.run()
     assert session.state.states[1] == FAILED
     assert (
-        "impairment of flexion and deviation has not been switched on" in session.state.reasons[1]
+        "impairment of flexion and deviation has not changed over" in session.state.reasons[1]
     )
     assert logged(session, "frames") == []
 
@@ -179,13 +176,14 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
         DeviceSignals(device()).must_fit(uses)
 
 
-def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path):
+@pytest.mark.ci
+def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_machine):
     """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
     require_tool("gcc")
     study = study_of(tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2))
     board = SimulatedBoard("wrist_drive", person="nobody")
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=serve_hosts, args=(board, listener, 1.0, False))
+        thread = threading.Thread(target=serve_hosts, args=(board, listener, 0.5, False))
         thread.start()
         cable = Proxy(listener.getsockname()[1])
         with esea_host.open_device(cable.address) as device:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import esea_gen
@@ -72,6 +72,7 @@ def calibration(led):
     return calibration_of(led[0].past, "wrist_drive", "0" * 64, True)
 
 
+@settings(max_examples=12)
 @given(st.data())
 def test_how_rows_are_grouped_changes_no_frame(drive, led, data):
     frames, guides = led[2][:700], []

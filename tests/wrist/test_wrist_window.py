@@ -21,7 +21,7 @@ from tests.conftest import ROOT, require_tool, until
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 PAGE = (ROOT / "docs" / "wrist-display.md").read_text(encoding="utf-8")
-WAIT_S = 300
+WAIT_S, TRIES = 300, 5  # on a busy machine a command comes too late
 
 
 @pytest.fixture(scope="module")
@@ -141,9 +141,12 @@ def test_the_ten_commands_do_what_the_page_says(tmp_path):
                 continue
             if words[:2] == ["esea-host", "wrist"] and "--headless" not in words:
                 words += ["--seconds", "3"]  # a window that nobody closes
-            done = subprocess.run(
-                words, capture_output=True, text=True, timeout=WAIT_S, check=False, **how
-            )
+            for _ in range(TRIES):
+                done = subprocess.run(
+                    words, capture_output=True, text=True, timeout=WAIT_S, check=False, **how
+                )
+                if "too late" not in done.stderr:
+                    break
             assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
     finally:
         if board is not None:

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from esea_gen.device import Device, parse_device
-from esea_gen.devices.file import DeviceData
+from esea_gen.devices.file import DeviceData, render_toml
 from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.devices.rubber import Family, FamilyTemperature, FamilyTerm
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError, nearest
 from esea_gen.identify.drafting import draft, files_of, grid_rate, origin_of, round_up
 from esea_gen.identify.family.fit import (

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.device import Device
+from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
-from esea_gen.identify.published.space import at_bound, bounds_of, with_values
+from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Recording, training_sets
 from esea_gen.identify.recording.resampling import (
     FitRows,
     LeftOut,
@@ -57,7 +57,7 @@ def thinned(rows: npt.NDArray[np.intp], most: int | None) -> npt.NDArray[np.intp
     return rows if most is None else rows[:: math.ceil(len(rows) / most)]
 
 
-def equal_weights(sets: Sequence[Array]) -> Array:
+def equal_weights(sets: Sequence[npt.NDArray[Any]]) -> Array:
     """Weights of residuals under which every data set counts the same, however long it is."""
     w = np.concatenate([np.full(len(x), 1.0 / len(x)) for x in sets])
     return np.asarray(np.sqrt(w / w.sum()))
@@ -85,23 +85,17 @@ class FittedPlant:
         self.rate_Hz = rate_Hz
         fine = device.file.timing.sense_rate_Hz.value
         # The bases below have unit stiffness; nothing in them may clip.
-        timing = {"sense_rate_Hz": rate_Hz or fine}
-        velocity = {
-            "bandwidth_Hz": min(
-                device.file.velocity.bandwidth_Hz.value, 0.1 * timing["sense_rate_Hz"]
-            )
-        }
-        wide = {"tau_Nm": 2000.0}
-        built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
-        self.built = built
-        self.library = compile_system(tunable_system(built), "f64")
+        wide = with_numbers(device, {"limits.tau_Nm": 2000.0})
+        bandwidth = min(device.file.velocity.bandwidth_Hz.value, 0.1 * (rate_Hz or fine))
+        self.built = with_numbers(
+            wide, {"timing.sense_rate_Hz": rate_Hz or fine, "velocity.bandwidth_Hz": bandwidth}
+        )
+        self.library = compile_system(tunable_system(self.built), "f64")
         self._zone = device.elastomer.dead_zone_rad
         self._fine_Hz = fine
         self._estimate: CRunner | None = None
         if rate_Hz is not None:
-            self._estimate = compile_system(
-                tunable_system(with_values(device, {}, limits=wide)), "f64"
-            ).block("velocity")
+            self._estimate = compile_system(tunable_system(wide), "f64").block("velocity")
         self._take(recordings, rows)
 
     def having(self, recordings: list[Recording], rows: int | None = None) -> FittedPlant:
@@ -147,7 +141,7 @@ class FittedPlant:
 
     def _rows(self, recordings: Sequence[Recording]) -> FitRows:
         ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
-        sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+        sets = training_sets(recordings)
         if len(ways) != len(sets):  # a coarse grid lost a data set of very few samples
             return FitRows.of([(i, 1, way) for i, way in enumerate(ways)])
         return rows_of(sets, ways)

@@ -10,16 +10,12 @@ marked ``assumed`` and appears as such in the device file.
 from __future__ import annotations
 
 import difflib
-import typing
 from collections.abc import Iterator
 from collections.abc import Mapping as Numbers
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel
-
-from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.numbers import Quantity, beyond, numbers_of
 from esea_gen.errors import UserError
 from esea_gen.identify.recording.tables import (
     ANGLE,
@@ -128,35 +124,16 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 def parse_mapping(text: str, origin: str) -> Mapping:
     document = parse_toml(text, origin, "docs/identify.md")
     mapping = checked(Mapping, document, origin, _fix, text)
-    for key, q, extra in _quantities(mapping):
-        if not extra["low"] <= q.value <= extra["high"]:
-            below = q.value < extra["low"]
-            raise UserError(
-                f"{origin}: {key} = {q.value:g} is {'below' if below else 'above'} its limit "
-                f"{extra['low'] if below else extra['high']:g} ({extra['text']})",
-                f"Give a value from {extra['low']:g} to {extra['high']:g}.",
-            )
+    for key, q, facts in numbers_of(mapping):
+        assert isinstance(q, Quantity)
+        problem = beyond(key, q.value, facts)
+        if problem is not None:
+            raise UserError(f"{origin}: {problem.what}", problem.fix)
     _check_units(origin, mapping)
     _check_sampling(origin, mapping)
     _check_temperature(origin, mapping)
     _check_text(origin, mapping)
     return mapping
-
-
-def _quantities(
-    table: BaseModel, prefix: str = ""
-) -> Iterator[tuple[str, Quantity, dict[str, Any]]]:
-    for key, field in type(table).model_fields.items():
-        value = getattr(table, key)
-        if isinstance(value, Quantity):
-            extra = typing.cast(dict[str, Any], field.json_schema_extra)
-            yield prefix + key, value, {**extra, "text": field.description}
-        elif isinstance(value, BaseModel):
-            yield from _quantities(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            for i, row in enumerate(value):
-                if isinstance(row, BaseModel):
-                    yield from _quantities(row, f"{prefix}{key}[{i}].")
 
 
 def _check_units(origin: str, mapping: Mapping) -> None:

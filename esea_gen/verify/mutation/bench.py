@@ -19,7 +19,7 @@ from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, write_texts
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
@@ -66,8 +66,7 @@ class Bench:
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
         texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
         texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, texts)
         self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
         for name, made in self.objects.items():
             self._gcc("-c", name, "-o", made, check=True)
@@ -174,7 +173,8 @@ class Bench:
         lines.append("void esea_choose_mutant(int which) { chosen = which; }")
         for name in names:
             kind = ffi.typeof(getattr(self.library.lib, name))
-            made, types = kind.result.cname, [_c_type(a) for a in kind.args]
+            types = ["void *" if a.kind == "pointer" else str(a.cname) for a in kind.args]
+            made = kind.result.cname
             taken, table = ", ".join(types), ", ".join(f"m{k}_{name}" for k in range(count))
             named = ", ".join(f"{t} a{k}" for k, t in enumerate(types))
             given = ", ".join(f"a{k}" for k in range(len(types)))
@@ -251,10 +251,6 @@ class Bench:
             for j in self.judged[block.name]
             if j.symbolic is not None
         )
-
-
-def _c_type(kind: Any) -> str:
-    return "void *" if kind.kind == "pointer" else str(kind.cname)
 
 
 def _renamed(texts: Sequence[str], names: Sequence[str]) -> str:

@@ -13,8 +13,9 @@ from esea_gen.cli.options import FigureOption
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import read_table
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, say_left_out
 from esea_host.cli.options import JsonOption, ReportOption
+from esea_host.cli.study import FolderArgument, opened, study_app
 
 analyse = typer.Typer(cls=WholeSentences, help="Analyse what was recorded.", no_args_is_help=True)
 app.add_typer(analyse, name="analyse")
@@ -40,10 +41,44 @@ def interaction(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
     json_file: JsonOption = None,
     report: ReportOption = None,
+    blinded: Annotated[
+        bool, typer.Option("--blinded", help="A study's folder: elements by neutral names.")
+    ] = False,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
+    from esea_host.study.folder import PROTOCOL
+
     checked_page(report)
-    shown_interaction(folder, json_file, report)
+    if (folder / PROTOCOL).exists():
+        _shown_study(folder, json_file, report, blinded)
+    elif blinded:
+        raise UserError("--blinded is of a study's folder.", "Leave it out.")
+    else:
+        shown_interaction(folder, json_file, report)
+
+
+def _shown_study(folder: Path, json_file: Path | None, report: Path | None, blinded: bool) -> None:
+    from esea_host.interaction.analysis import analyse_interaction
+    from esea_host.interaction.design import ELEMENTS, SPRING
+    from esea_host.interaction.words import lines
+    from esea_host.study.exchange import omissions, veiled_names
+    from esea_host.study.folder import StudyFolder
+
+    study = StudyFolder.open(folder, runs=False)
+    say_left_out(omissions(study))
+    if not blinded and not any(study.blinded(role) for role in ("operator", "analyst")):
+        shown_interaction(folder, json_file, report)
+        return
+    if json_file is not None or report is not None:
+        raise UserError(
+            "A blinded analysis is printed only: files name the elements.",
+            "Leave --json and --report out until the study is unblinded.",
+        )
+    names = veiled_names(study)
+    out.print("BLINDED: neutral names for the two elements; their order was drawn at random.")
+    swapped = names[SPRING] != min(names.values())
+    order = dict(zip(ELEMENTS, sorted(names.values()), strict=True))
+    _say(lines(analyse_interaction(folder, True, swapped), order))
 
 
 def checked_page(report: Path | None) -> None:
@@ -96,6 +131,21 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     _say(found.lines())
     write_json(json_file, "host-survey", found.to_dict())
     _draw(figure, diverging_bars(found))
+
+
+@study_app.command("survey")
+def survey_page(
+    folder: FolderArgument,
+    to: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
+    language: Annotated[
+        str, typer.Option("--language", help="en, de, or one that the study brings.")
+    ] = "",
+) -> None:
+    """Write the questions at the end of the interaction study as a page to print."""
+    from esea_host.interaction.survey import survey_form
+
+    write_whole(to, survey_form(opened(folder, runs=False).protocol.words(language)))
+    out.print(f"{to} is written; answers go to esea-host analyse survey")
 
 
 @analyse.command()

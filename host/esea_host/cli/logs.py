@@ -37,11 +37,11 @@ def show(path: LogArgument) -> None:
             out.print(f"{device} ({kind} {board}), C {facts.get('content_hash', '?')}")
         for name, (count, first, last) in log.spans().items():
             length = f"{(last - first) * 1e-9:.3f} s" if count else "empty"
-            layout = log.file.layout(name)
+            layout = log.layouts.get(name)
             if layout is not None:
                 out.print(f"  {name}: {count} runs, {length}, {len(layout.columns)} columns")
             elif name not in EVENTS:
-                kind = log.file.kind(name)
+                kind = log.kind(name)
                 out.print(f"  {name}: {count} messages, {length}, {kind}: no table of esea-host")
         fit = clock_fit(log)
         if fit is not None:

@@ -119,8 +119,8 @@ def run(
     seed: SeedOption = None,
     speed: SpeedOption = 1.0,
     language: Annotated[
-        str, typer.Option("--language", help="Of what the participant reads: en, de.")
-    ] = "en",
+        str, typer.Option("--language", help="Of both windows: en, de; default: the protocol's.")
+    ] = "",
     patch: Annotated[
         PatchMode,
         typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
@@ -226,9 +226,7 @@ def _remains(path: Path) -> bool:
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
-    from esea_host.study.scene import catalogue
-
-    catalogue(asked.language)
+    study.protocol.words(asked.language)
     if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
         raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:

@@ -99,18 +99,16 @@ class PlayedBoard(ConnectedDevice):
 
     def steps(self) -> Iterator[tuple[float, list[Batch]]]:
         """What comes a moment later: seconds since the beginning, and the rows until then."""
-        file, log = self.log.file, self.log
-        ours = {x.name: x.shape for x in self._layouts}
-        recorded = [x for x in map(file.layout, log.streams) if x is not None]
-        layouts = {x.name: x for x in recorded if ours.get(x.name) == x.shape}
+        log, ours = self.log, {x.name: x.shape for x in self._layouts}
+        layouts = {n: x for n, x in log.layouts.items() if ours.get(n) == x.shape}
         in_order = sorted(log.gaps, key=lambda g: g.board_ns)
         gaps = {name: deque(g for g in in_order if g.stream == name) for name in layouts}
         step_ns, at_s = max(1, round(STEP_S * self.speed * 1e9)), 0.0
-        for piece in file.pieces:
+        for piece in log.pieces:
             # By the step in which its rows come; a time may be any.
             steps: dict[int, list[Batch]] = {}
             for name, layout in layouts.items():
-                found = None if piece.problem else file.read(piece, name)
+                found = log.rows_of(piece, name)
                 if found is None:
                     continue
                 rows, ns = found.of(layout), found.board_ns

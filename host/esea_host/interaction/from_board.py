@@ -25,7 +25,12 @@ def cut_trials(study: StudyFolder) -> int:
     written = 0
     for _, _, path in study.sessions():
         recordings = BoardRecordings(path.parent)
-        for trace in traces(path) if recordings.paths else []:
+        try:
+            found = traces(path) if recordings.paths else []
+        except UserError as error:
+            study.leave_out(path, error)
+            found = []
+        for trace in found:
             target = path.parent / recording_name(trace.trial.number)
             if trace.trial.task.startswith("interaction.") and not target.exists():
                 written += _cut(trace, recordings, target)

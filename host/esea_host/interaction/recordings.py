@@ -39,6 +39,8 @@ from esea_host.interaction.design import element_of
 from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
+from esea_host.study.privacy import PRIVATE
+from esea_host.study.records import gone_from
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -97,6 +99,8 @@ class Recordings:
 def read_manifest(folder: Path) -> Manifest:
     """The manifest, checked against the cross-over's design."""
     path = folder / MANIFEST
+    if not path.exists() and (sealed := folder / PRIVATE / MANIFEST).exists():
+        path = sealed  # its operator is blinded
     text = read_text(path, f"Give a folder with {MANIFEST}; see the page on interaction quality.")
     document = parse_toml(text, path.name, "the page on interaction quality")
     manifest = checked(Manifest, document, path.name, lambda _: None, text)
@@ -184,12 +188,14 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
     """
     manifest = read_manifest(folder)
     if swapped:
-        entries = tuple(e.swapped() for e in manifest.recording)
-        manifest = manifest.model_copy(update={"recording": entries})
-    tasks, left_out = [], []
-    tables: list[FileTable] = []
-    for task in sorted({e.task for e in manifest.recording}):
-        entries = [e for e in manifest.recording if e.task == task]
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
+    named = {e.participant for e in manifest.recording}
+    left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
+    there = [e for e in manifest.recording if e.participant not in gone]
+    for task in sorted({e.task for e in there}):
+        entries = [e for e in there if e.task == task]
         people = sorted({e.participant for e in entries})
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]

@@ -118,7 +118,7 @@ def clock_fit(log: Log) -> ClockFit | None:
     late_ns = ahead_ns - slope * at_s
     p50, p99 = np.percentile((late_ns - late_ns.min()) * 1e-6, [50, 99]).tolist()
     offset_ns = int(host_ns[0]) - int(board_ns[0]) + round(float(late_ns.min()))
-    ends_ppm = (float(x) * 1e-3 for x in (slope, low, high))  # from ns a second
+    drift_ppm, low_ppm, high_ppm = (float(x) * 1e-3 for x in (slope, low, high))  # from ns a second
     # Steps are read off: the wall clock against the monotonic one, both of the host.
     moved_ns = np.diff(wall_ns)
     most_ns = READING_NS + 1e3 * SLEW_PPM * np.abs(np.diff(at_s))
@@ -127,7 +127,8 @@ def clock_fit(log: Log) -> ClockFit | None:
         for i in np.flatnonzero(np.abs(moved_ns) > most_ns)
     )
     malformed = len(written) - len(pairs)
-    return ClockFit(*ends_ppm, offset_ns, p50, p99, len(pairs), steps, malformed)
+    fitted = drift_ppm, low_ppm, high_ppm, offset_ns, p50, p99
+    return ClockFit(*fitted, len(pairs), steps, malformed)
 
 
 def _is_count(value: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -16,9 +17,7 @@ from esea_gen.errors import UserError
 from esea_gen.link.received import shown
 from esea_host.recording.integrity import Gap, GapError, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.pieces import Piece
-from esea_host.recording.reader import LogFile, Rows, json_object
-from esea_host.recording.records import PieceError
+from esea_host.recording.reader import LogFile, Rows
 
 if TYPE_CHECKING:
     import pandas
@@ -27,6 +26,7 @@ TICK = "sequence"
 FACTS: dict[str, type] = dict.fromkeys(("device", "content_hash", "real", "board"), str)
 FACTS |= {"simulated": bool, "tick_us": int}
 MOST_TICK_US = 1_000_000
+MOST_EVENTS = 500_000
 
 
 class Table:
@@ -150,13 +150,14 @@ class Table:
             yield self._cut(first, last)
 
 
-class Log:
+class Log(LogFile):
     """A recording, read piece by piece as it is asked for.
 
     Parameters
     ----------
     path : Path
-        The file; one that was cut off is read up to the cut.
+        The file; one that was cut off is read up to the cut.  ``attachments`` is what belongs to
+        it, by file name.
 
     Raises
     ------
@@ -164,29 +165,16 @@ class Log:
         When it is no recording.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = LogFile(Path(path))
-        self.path = self._file.path
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def close(self) -> None:
-        """Let go of the file."""
-        self._file.close()
-
-    @property
-    def file(self) -> LogFile:
-        """The pieces below."""
-        return self._file
-
     @cached_property
     def integrity(self) -> Integrity:
         """Whether anything is missing or changed, where, and how much."""
-        found = self._file.integrity
+        found = self.judged
         if not any(g.reason == "disconnected" and g.before_tick < 0 for g in self.recorded_gaps):
             return found
         order = list(RecordingState)
@@ -203,16 +191,11 @@ class Log:
         """Whether nothing is missing or changed."""
         return self.integrity.complete
 
-    @property
-    def attachments(self) -> dict[str, bytes]:
-        """What belongs to it, by file name."""
-        return self._file.attachments
-
     @cached_property
     def facts(self) -> dict[str, Any]:
         """Device, content hash, versions, the computer; empty where nobody wrote them."""
         what = f"{self.path.name}: facts.json"
-        found = json_object(self.attachments.get("facts.json", b"{}"), what)
+        found = _json_object(self.attachments.get("facts.json", b"{}"), what)
         for name, kind in FACTS.items():
             value: Any = found.get(name, kind())
             wrong = type(value) is not kind
@@ -225,7 +208,7 @@ class Log:
     @property
     def streams(self) -> list[str]:
         """Names of the streams."""
-        return [t for t in self._file.topics() if self._file.layout(t) is not None]
+        return list(self.layouts)
 
     @property
     def first_output(self) -> str:
@@ -233,11 +216,6 @@ class Log:
         outputs = [s for s in self.streams if s.endswith("_out")]
         sensed = [s for s in outputs if s.startswith("sense")]
         return next(iter([*sensed, *outputs, *self.streams]), "sense_out")
-
-    @property
-    def topics(self) -> list[str]:
-        """Streams and events."""
-        return list(self._file.topics())
 
     def events(self, topic: str) -> list[dict[str, Any]]:
         """Events of a topic, each with its ``log_ns``.
@@ -247,12 +225,19 @@ class Log:
         topic : str
             ``note``, ``gap``, ``clock`` ...
         """
-        return [{"log_ns": ns, **content} for ns, content in self._file.events(topic)]
+        found = []
+        for count, (ns, data) in enumerate(self.contents(topic), 1):
+            if count > MOST_EVENTS:
+                what = f"{self.path.name}: more than {MOST_EVENTS} events of {topic}."
+                raise UserError(what, "Split the recording.")
+            content = _json_object(data, f"{self.path.name}: event {count} of {topic}")
+            found.append({"log_ns": ns, **content})
+        return found
 
     @cached_property
     def recorded_gaps(self) -> tuple[Gap, ...]:
         """Holes that were found while recording."""
-        found = [Gap.from_dict(content) for _, content in self._file.events("gap")]
+        found = [Gap.from_dict(content) for content in self.events("gap")]
         return tuple(g for g in found if g is not None)
 
     @cached_property
@@ -262,72 +247,47 @@ class Log:
 
     def _damaged_gaps(self) -> list[Gap]:
         # One pass: for every stream the last run before a damage, and the first behind it.
-        holes = self._file.holes
-        if not holes:
-            return []
         found: list[Gap] = []
         last = dict.fromkeys(self.streams, (-1, -1))
         passed = dict.fromkeys(self.streams, 0)
-        for piece in self._file.pieces:
-            if piece.problem:
-                continue
-            before = bisect_left(holes, piece.offset)
-            for stream in self._streams_of(piece):
-                rows = self._file.read(piece, stream)
+        for piece in self.pieces if self.holes else ():
+            before = bisect_left(self.holes, piece.offset)
+            for stream, layout in self.layouts.items():
+                rows = self.rows_of(piece, stream)
                 if rows is None:
                     continue
-                ticks = rows.of(self._layout(stream))[TICK]
+                ticks = rows.of(layout)[TICK]
                 if passed[stream] < before:
                     tick, ns = last[stream]
                     found.append(Gap(stream, tick, int(ticks[0]), -1, "recording", ns))
                 last[stream], passed[stream] = (int(ticks[-1]), int(rows.board_ns[-1])), before
         for stream, (tick, ns) in last.items():
-            if passed[stream] < len(holes):
+            if passed[stream] < len(self.holes):
                 found.append(Gap(stream, tick, -1, -1, "recording", ns))
         return found
 
-    def _streams_of(self, piece: Piece) -> list[str]:
-        if piece.spans is None:
-            return []
-        topics = (self._names.get(c) for c in piece.spans["channel"].tolist())
-        return [t for t in dict.fromkeys(topics) if t is not None]
-
-    @cached_property
-    def _names(self) -> dict[int, str]:
-        topics = self._file.topics()
-        return {number: stream for stream in self.streams for number in topics[stream]}
-
     def spans(self) -> dict[str, tuple[int, int, int]]:
         """Of every topic: messages, and the board's times of the first and the last, in ns."""
-        names = {n: topic for topic, numbers in self._file.topics().items() for n in numbers}
-        found: dict[str, tuple[int, int, int]] = dict.fromkeys(names.values(), (0, 0, 0))
-        for piece in self._file.pieces:
+        found: dict[str, tuple[int, int, int]] = dict.fromkeys(self.topics, (0, 0, 0))
+        for piece in self.pieces:
             if piece.spans is None:
                 continue
             rows = piece.spans["channel"], piece.spans["count"], *piece.spans["board_ns"].T
             for channel, count, first, last in zip(*(r.tolist() for r in rows), strict=True):
-                topic = names.get(channel, f"channel {channel}")
+                topic = self._topic(channel)
                 before, start, _ = found.get(topic, (0, first, last))
                 found[topic] = before + count, start if before else first, last
         return found
 
     def _layout(self, stream: str) -> StreamLayout:
-        layout = self._file.layout(stream)
-        if layout is not None:
-            return layout
-        kind = self._file.kind(stream)
+        if stream in self.layouts:
+            return self.layouts[stream]
+        kind = self.kind(stream)
         has = f"It has {', '.join(self.streams) or 'no stream of esea-host'}."
         if kind:
             what = f"{self.path.name}: {stream} is {kind}; only streams of esea-host are tables."
             raise UserError(what, f"Convert it with the tool that wrote it. {has}")
         raise UserError(f"{self.path.name} has no stream {stream}.", has)
-
-    def _rows(self, stream: str) -> Iterator[tuple[Array, Array]]:
-        layout = self._layout(stream)
-        for piece in self._file.pieces:
-            found = None if piece.problem else self._file.read(piece, stream)
-            if found is not None:
-                yield found.of(layout), found.board_ns
 
     def read(self, stream: str) -> Iterator[Array]:
         """A stream's rows, a piece at a time: for recordings that are larger than the memory.
@@ -337,7 +297,7 @@ class Log:
         stream : str
             One of :attr:`streams`.
         """
-        for rows, _ in self._rows(stream):
+        for rows, _ in self.read_timed(stream):
             yield rows
 
     def read_timed(self, stream: str, damaged: bool = False) -> Iterator[tuple[Array, Array]]:
@@ -351,24 +311,16 @@ class Log:
             With the rows of damaged pieces whose frame and time fit to those before: to name what
             was changed, not to compute with.
         """
-        if not damaged:
-            yield from self._rows(stream)
-            return
-        layout = self._layout(stream)
-        before = None
-        for piece in self._file.pieces:
-            try:
-                found = self._file.read(piece, stream, damaged=True)
-            except PieceError:
-                continue
+        layout, before = self._layout(stream), None
+        for piece in self.pieces:
+            found = self.rows_of(piece, stream, damaged)
             if found is None:
                 continue
-            if not piece.problem:
-                rows = found.of(layout)
-                before = rows[TICK][-1], found.board_ns[-1]
-                yield rows, found.board_ns
-                continue
-            rows, board_ns = self._plausible(layout, found, before)
+            if piece.problem:
+                rows, board_ns = self._plausible(layout, found, before)
+            else:
+                rows, board_ns = found.of(layout), found.board_ns
+                before = int(rows[TICK][-1]), int(board_ns[-1])
             if len(rows):
                 yield rows, board_ns
 
@@ -379,8 +331,8 @@ class Log:
         if before is None or (found.lengths != size).any():
             return np.empty(0, layout.dtype), np.empty(0, np.int64)
         rows, ns = found.of(layout), found.board_ns
-        late_ns = (rows[TICK].astype(np.int64) - int(before[0])) * round(self.tick_s * 1e9)
-        fits = layout.framed(found.data) & (ns - int(before[1]) == late_ns) & (ns > before[1])
+        late_ns = (rows[TICK].astype(np.int64) - before[0]) * round(self.tick_s * 1e9)
+        fits = layout.framed(found.data) & (ns - before[1] == late_ns) & (ns > before[1])
         return rows[fits], ns[fits]
 
     def __getitem__(self, stream: str) -> Table:
@@ -392,7 +344,7 @@ class Log:
             One of :attr:`streams`, such as ``sense_out``.
         """
         layout = self._layout(stream)
-        parts = [*self._rows(stream)]
+        parts = [*self.read_timed(stream)]
         rows = np.concatenate([r for r, _ in parts]) if parts else np.empty(0, layout.dtype)
         board_ns = np.concatenate([ns for _, ns in parts]) if parts else np.empty(0, np.int64)
         gaps = tuple(g for g in self.gaps if g.stream == stream)
@@ -424,3 +376,14 @@ def open_log(path: str | Path) -> Log:
         When it is no recording.
     """
     return Log(Path(path))
+
+
+def _json_object(data: bytes, what: str) -> dict[str, Any]:
+    # A JSON object that somebody wrote.
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{what} is not a JSON object.", "Give a recording of esea-host.")
+    return found

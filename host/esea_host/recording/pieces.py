@@ -9,19 +9,20 @@ import mmap
 import stat
 import zlib
 from collections import OrderedDict
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.lib.stride_tricks import sliding_window_view
 
 from esea_gen.errors import UserError
+from esea_gen.link.received import shown
 from esea_host.recording import records
 from esea_host.recording.integrity import Damage
 from esea_host.recording.layout import Array
-from esea_host.recording.records import HEAD, Channel, Fields, PieceError, Schema
+from esea_host.recording.records import HEAD, Piece, PieceError, fields
 from esea_host.recording.writer import END_KEY, MARK
 
 MESSAGE = np.dtype("u1,<u8,<u2,<u4,<i8,<i8")
@@ -36,22 +37,6 @@ MOST_WALKED = 2_000_000  # records one by one, where no index lists them; and on
 MOST_LOOSE_BYTES = 1 << 22  # of messages outside chunks that are one piece
 MOST_ATTACHED_BYTES = 1 << 24
 KEPT_BYTES = 1 << 25  # of unpacked pieces
-
-
-@dataclass(slots=True, eq=False)
-class Piece:
-    """A chunk, or messages that stand outside one."""
-
-    offset: int
-    end: int
-    data: int
-    size: int = 0
-    crc: int = 0
-    compression: str = ""
-    times_ns: tuple[int, int] | None = None
-    indexes: tuple[int, int] = (0, 0)  # bytes of the file with its message indexes
-    problem: str = ""  # why it cannot be used; empty where it can
-    spans: Array | None = None  # of its messages, one row a channel
 
 
 class PieceFile:
@@ -79,14 +64,9 @@ class PieceFile:
             self._limit_unpacking()
             for piece in self.pieces:
                 self._examine(piece)
-            self._finish()
         except BaseException:
             self.close()
             raise
-
-    def _finish(self) -> None:
-        # Once all pieces are known.
-        self.holes.sort()
 
     def close(self) -> None:
         self._kept.clear()
@@ -143,7 +123,6 @@ class PieceFile:
 
     def _found(self, opcode: int, at: int, end: int, loose: Piece | None) -> Piece | None:
         # A record outside chunks; returned is the piece that further loose messages belong to.
-        fields = Fields(self._map, at + HEAD.size, end)
         if opcode == Opcode.MESSAGE:
             if loose is None or end - loose.offset > MOST_LOOSE_BYTES:
                 loose = Piece(at, end, at)
@@ -151,54 +130,59 @@ class PieceFile:
             loose.end, loose.size = end, end - loose.offset
             return loose
         if opcode == Opcode.CHUNK:
-            head = records.chunk(self._map, at, end)
-            times = head.start_ns, head.end_ns
-            self._add(Piece(at, end, head.data, head.size, head.crc, head.compression, times))
+            self._add(records.chunk(self._map, at, end))
         elif opcode == Opcode.MESSAGE_INDEX and self.pieces:
             piece = self.pieces[-1]
             first = piece.indexes[0] or at
             if (piece.indexes[1] or piece.end) == at:  # one behind the other
                 piece.indexes = first, end
         elif opcode == Opcode.ATTACHMENT:
-            self._attach(records.attachment(self._map, at, end), at, end)
+            self._attach(at, end)
         elif opcode == Opcode.METADATA:
-            if fields.text() == MARK:
-                self._end_mark = fields.pairs().get(END_KEY, "").strip()
+            found = fields(Metadata, self._map, at, end)
+            if found.name == MARK:
+                self._end_mark = found.metadata.get(END_KEY, "").strip()
         elif opcode == Opcode.HEADER:
-            fields.text()
-            self.library = fields.text()
-        elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
-            self._learn(opcode, fields)
+            self.library = fields(Header, self._map, at, end).library
+        elif self._learn(opcode, self._map, at, end):
             return loose
         return None
 
     def _add(self, piece: Piece) -> None:
-        if len(self.pieces) == MOST_PIECES:
-            raise UserError(
-                f"{self.path.name}: has more than {MOST_PIECES} pieces.", "Split the recording."
-            )
+        self._limit(len(self.pieces) + 1, MOST_PIECES, "pieces")
         self.pieces.append(piece)
 
-    def _attach(self, found: records.AttachmentPlace, at: int, end: int) -> None:
-        crc = int.from_bytes(self._map[end - 4 : end], "little")
-        if crc and zlib.crc32(memoryview(self._map)[found.body : end - 4]) != crc:
-            self._damage(at, end, f"the attached {found.name} has a wrong checksum")
-        elif found.end - found.start > MOST_ATTACHED_BYTES:
-            self._damage(at, end, f"the attached {found.name} is too large to be read")
-        else:
-            self.attachments.setdefault(found.name, self._map[found.start : found.end])
-
-    def _learn(self, opcode: int, fields: Fields) -> None:
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(fields)
-            self.schemas.setdefault(schema.number, schema)
-        else:
-            channel = Channel.read(fields)
-            self.channels.setdefault(channel.number, channel)
-        if max(len(self.channels), len(self.schemas)) > MOST_CHANNELS:
+    def _limit(self, count: int, most: int, what: str) -> None:
+        if count > most:
             raise UserError(
-                f"{self.path.name}: has more than {MOST_CHANNELS} channels.", "Split the recording."
+                f"{self.path.name}: has more than {most} {what}.", "Split the recording."
             )
+
+    def _attach(self, at: int, end: int) -> None:
+        name, start, stop = records.attachment(self._map, at, end)
+        crc = int.from_bytes(self._map[stop:end], "little")
+        if crc and zlib.crc32(memoryview(self._map)[at + HEAD.size : stop]) != crc:
+            self._damage(at, end, f"the attached {name} has a wrong checksum")
+        elif stop - start > MOST_ATTACHED_BYTES:
+            self._damage(at, end, f"the attached {name} is too large to be read")
+        else:
+            self.attachments.setdefault(name, self._map[start:stop])
+
+    def _learn(self, opcode: int, data: bytes | mmap.mmap, at: int, end: int) -> bool:
+        # Whether the record describes a channel, or the schema of one.
+        if opcode == Opcode.SCHEMA:
+            schema = fields(Schema, data, at, end)
+            schema.name = shown(schema.name)
+            self.schemas.setdefault(schema.id, schema)
+        elif opcode == Opcode.CHANNEL:
+            channel = fields(Channel, data, at, end)
+            channel.topic = shown(channel.topic).lstrip("/")
+            channel.message_encoding = shown(channel.message_encoding)
+            self.channels.setdefault(channel.id, channel)
+        else:
+            return False
+        self._limit(max(len(self.channels), len(self.schemas)), MOST_CHANNELS, "channels")
+        return True
 
     # -- what is in a piece ----------------------------------------------------------------------
 
@@ -269,13 +253,9 @@ class PieceFile:
                     raise PieceError("has a message that is too short")
                 found.append(at)
             else:
-                self._beside(opcode, content, at, end)
+                self._learn(opcode, content, at, end)
         offsets = np.array(found, np.int64)
         return _gather(content, offsets), offsets
-
-    def _beside(self, opcode: int, content: bytes, at: int, end: int) -> None:
-        if opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
-            self._learn(opcode, Fields(content, at + HEAD.size, end))
 
     def _listed(self, piece: Piece, content: bytes) -> tuple[Array, Array] | None:
         # By the indexes behind the piece; None where they are not exactly its messages.
@@ -302,8 +282,8 @@ class PieceFile:
                 return None
         if any(opcode == Opcode.MESSAGE for opcode, _, _ in beside):
             return None
-        for record in beside:
-            self._beside(record[0], content, *record[1:])
+        for opcode, first, last in beside:
+            self._learn(opcode, content, first, last)
         return heads, offsets
 
     def _indexes(self, piece: Piece) -> list[tuple[int, int, int]]:

@@ -5,26 +5,24 @@ The index at a file's end is never trusted: it only says what should be there.
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import ChunkIndex, Footer, Statistics
 from numpy.lib.stride_tricks import sliding_window_view
 
 from esea_gen.errors import UserError
 from esea_host.recording import records
 from esea_host.recording.integrity import Damage, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.pieces import KEPT_BYTES, MAGIC_BYTES, MESSAGE, Piece, PieceFile
-from esea_host.recording.records import HEAD, Fields, PieceError
+from esea_host.recording.pieces import KEPT_BYTES, MAGIC_BYTES, MESSAGE, PieceFile
+from esea_host.recording.records import HEAD, Piece, PieceError, fields
 from esea_host.recording.writer import COLUMNS_KEY, DISK_FULL, LIBRARY
-
-MOST_EVENTS = 500_000
 
 
 @dataclass(frozen=True)
@@ -45,11 +43,16 @@ class Rows:
 
 
 class LogFile(PieceFile):
-    """A recording's file; ``integrity`` says what is missing of it."""
+    """A recording's file; ``judged`` says what is missing of it."""
 
-    def _finish(self) -> None:
-        self.integrity = self._judge()
-        super()._finish()
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        try:
+            self.judged = self._judge()
+        except BaseException:
+            self.close()
+            raise
+        self.holes.sort()
 
     # -- whether it is complete ------------------------------------------------------------------
 
@@ -92,11 +95,10 @@ class LogFile(PieceFile):
     def _judge_summary(self) -> dict[int, int] | None:
         # Learns what the index at the end repeats; returns how many messages a channel should have.
         foot = self.size - MAGIC_BYTES - records.FOOTER_BYTES
-        place = Fields(self._map, foot + HEAD.size, self.size - MAGIC_BYTES)
-        start, _, crc = place.number(8), place.number(8), place.number(4)
-        behind = None if self._data_end is None else records.record_end(
-            self._map, self._data_end, self.size
-        )[1]  # fmt: skip
+        footer = fields(Footer, self._map, foot, self.size - MAGIC_BYTES)
+        start, crc, behind = footer.summary_start, footer.summary_crc, None
+        if self._data_end is not None:
+            behind = records.record_end(self._map, self._data_end, self.size)[1]
         if start == 0 and crc == 0 and behind in (None, foot):
             return None
         with memoryview(self._map) as data:
@@ -104,23 +106,18 @@ class LogFile(PieceFile):
         if not MAGIC_BYTES <= start <= foot or wrong or behind not in (None, start):
             self._damage(min(start, foot), self.size, "the index at the end was changed")
             return None
-        counts, at = None, start
+        counts: dict[int, int] | None = None
+        at = start
         try:
             while at < foot:
                 opcode, end = records.record_end(self._map, at, foot)
-                fields = Fields(self._map, at + HEAD.size, end)
-                self._beside(opcode, self._map[at:end] if opcode in (3, 4) else b"", 0, end - at)
+                self._learn(opcode, self._map, at, end)
                 if opcode == Opcode.STATISTICS:
-                    fields.skip(42)
-                    size = fields.number(4)
-                    pairs = Fields(self._map, fields.at, min(fields.at + size, end))
-                    counts = {}
-                    while pairs.at < pairs.end:
-                        channel = pairs.number(2)
-                        counts[channel] = pairs.number(8)
+                    counts = fields(Statistics, self._map, at, end).channel_message_counts
                 elif opcode == Opcode.CHUNK_INDEX:
-                    times = fields.number(8), fields.number(8)
-                    self._indexed[fields.number(8)] = times
+                    index = fields(ChunkIndex, self._map, at, end)
+                    times = index.message_start_time, index.message_end_time
+                    self._indexed[index.chunk_start_offset] = times
                 at = end
         except PieceError as error:
             self._damage(at, self.size, f"the index at the end {error}")
@@ -136,7 +133,7 @@ class LogFile(PieceFile):
             for opcode, at, end in records.records(content[: 1 << 20]):
                 if opcode == Opcode.MESSAGE:
                     return
-                self._beside(opcode, content, at, end)
+                self._learn(opcode, content, at, end)
         except PieceError:
             return
 
@@ -184,7 +181,7 @@ class LogFile(PieceFile):
 
     def _topic(self, channel: int) -> str:
         known = self.channels.get(channel)
-        return known.topic.lstrip("/") if known else f"channel {channel}"
+        return str(known.topic) if known else f"channel {channel}"
 
     def _placed(self, damage: Damage) -> Damage:
         # With names of its topics, and its times where they can be those of this recording.
@@ -203,28 +200,19 @@ class LogFile(PieceFile):
 
     # -- reading ---------------------------------------------------------------------------------
 
+    @cached_property
     def topics(self) -> dict[str, list[int]]:
+        """Streams and events, each with the numbers of its channels."""
         found: dict[str, list[int]] = {}
-        for number in self.channels:
-            found.setdefault(self._topic(number), []).append(number)
+        for number, channel in self.channels.items():
+            found.setdefault(channel.topic, []).append(number)
         return found
 
-    def layout(self, topic: str) -> StreamLayout | None:
-        """A stream's layout; None for events, and for what is not ours."""
-        return self._layouts.get(topic)
-
-    def kind(self, topic: str) -> str:
-        """How a topic's messages are written, in words; empty for an unknown topic."""
-        found = self.channels.get(self.topics().get(topic, [-1])[0])
-        if found is None:
-            return ""
-        schema = self.schemas.get(found.schema)
-        return f"{found.encoding or 'unnamed'} ({schema.name})" if schema else found.encoding
-
     @cached_property
-    def _layouts(self) -> dict[str, StreamLayout]:
+    def layouts(self) -> dict[str, StreamLayout]:
+        """Layout of each stream; events, and what is not ours, have none."""
         found = {}
-        for topic, numbers in self.topics().items():
+        for topic, numbers in self.topics.items():
             text = self.channels[numbers[0]].metadata.get(COLUMNS_KEY)
             try:
                 if text is not None:
@@ -233,13 +221,26 @@ class LogFile(PieceFile):
                 continue
         return found
 
-    def read(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
-        numbers = self.topics()[topic]
+    def kind(self, topic: str) -> str:
+        """How a topic's messages are written, in words; empty for an unknown topic."""
+        if topic not in self.topics:
+            return ""
+        found = self.channels[self.topics[topic][0]]
+        schema = self.schemas.get(found.schema_id)
+        encoding = str(found.message_encoding)
+        return f"{encoding or 'unnamed'} ({schema.name})" if schema else encoding
+
+    def rows_of(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
+        """Messages of a topic in a piece; None where it has none, or is damaged."""
+        numbers = self.topics.get(topic, [])
         if piece.problem and (not damaged or piece.compression):
-            raise PieceError(f"{self.path.name}: the piece at byte {piece.offset} {piece.problem}")
+            return None
         if piece.spans is not None and not np.isin(piece.spans["channel"], numbers).any():
             return None
-        content, heads, offsets = self._content(piece)
+        try:
+            content, heads, offsets = self._content(piece)
+        except PieceError:
+            return None
         mine = np.isin(heads["channel"], numbers)
         if not mine.any():
             return None
@@ -253,33 +254,11 @@ class LogFile(PieceFile):
             joined = b"".join(content[s : s + n] for s, n in pairs)
         return Rows(heads["log_ns"], heads["board_ns"], joined, lengths)
 
-    def rows(self, piece: Piece, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Time and content of each message of a topic in a piece."""
-        found = None if piece.problem or topic not in self.topics() else self.read(piece, topic)
-        place = 0
-        if found is not None:
-            for ns, length in zip(found.log_ns.tolist(), found.lengths.tolist(), strict=True):
-                yield ns, found.data[place : place + length]
-                place += length
-
-    def events(self, topic: str) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Time and content of a topic's JSON messages, damaged pieces left out."""
-        count = 0
+    def contents(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Time and content of each message of a topic, damaged pieces left out."""
         for piece in self.pieces:
-            for ns, data in self.rows(piece, topic):
-                count += 1
-                if count > MOST_EVENTS:
-                    what = f"{self.path.name}: more than {MOST_EVENTS} events of {topic}."
-                    raise UserError(what, "Split the recording.")
-                yield ns, json_object(data, f"{self.path.name}: event {count} of {topic}")
-
-
-def json_object(data: bytes, what: str) -> dict[str, Any]:
-    """A JSON object that somebody wrote."""
-    try:
-        found = json.loads(data)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
-        raise UserError(f"{what} is not a JSON object.", "Give a recording of esea-host.")
-    return found
+            found, place = self.rows_of(piece, topic), 0
+            if found is not None:
+                for ns, length in zip(found.log_ns.tolist(), found.lengths.tolist(), strict=True):
+                    yield ns, found.data[place : place + length]
+                    place += length

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import mmap
 import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import Any
 
 import zstandard
 from lz4.frame import LZ4FrameDecompressor
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 
 from esea_gen.link.received import shown
+from esea_host.recording.layout import Array
 
 HEAD = struct.Struct("<BQ")
 FOOTER_BYTES = HEAD.size + 20
@@ -35,114 +39,63 @@ class PieceError(ValueError):
     """Bytes that cannot be read as what they should be."""
 
 
-class Fields:
-    """A record's fields, one after another, each within the record."""
+@dataclass(slots=True, eq=False)
+class Piece:
+    """A chunk, or messages that stand outside one."""
 
-    def __init__(self, data: bytes | mmap.mmap | memoryview, at: int, end: int) -> None:
-        self.data, self.at, self.end = data, at, end
-
-    def bytes(self, count: int) -> bytes:
-        start, self.at = self.at, self.at + count
-        if not start <= self.at <= self.end:
-            raise PieceError("has a length that goes beyond its end")
-        return bytes(self.data[start : self.at])
-
-    def skip(self, count: int) -> None:
-        if not 0 <= count <= self.end - self.at:
-            raise PieceError("has a length that goes beyond its end")
-        self.at += count
-
-    def number(self, size: int) -> int:
-        return int.from_bytes(self.bytes(size), "little")
-
-    def text(self) -> str:
-        return self.bytes(self.number(4)).decode("utf-8", "replace")
-
-    def pairs(self) -> dict[str, str]:
-        size = self.number(4)
-        inner = type(self)(self.data, self.at, self.at + size)
-        self.skip(size)
-        found: dict[str, str] = {}
-        while inner.at < inner.end:
-            key = inner.text()
-            found[key] = inner.text()
-        return found
-
-
-@dataclass(frozen=True)
-class Schema:
-    number: int
-    name: str
-    encoding: str
-
-    @classmethod
-    def read(cls, fields: Fields) -> Self:
-        return cls(fields.number(2), shown(fields.text()), shown(fields.text()))
-
-
-@dataclass(frozen=True)
-class Channel:
-    number: int
-    schema: int
-    topic: str
-    encoding: str
-    metadata: dict[str, str]
-
-    @classmethod
-    def read(cls, fields: Fields) -> Self:
-        number, schema = fields.number(2), fields.number(2)
-        topic, encoding = shown(fields.text()), shown(fields.text())
-        return cls(number, schema, topic, encoding, fields.pairs())
-
-
-@dataclass(frozen=True)
-class AttachmentPlace:
-    """An attachment: its name, and the bytes of the file from ``start`` to ``end``."""
-
-    name: str
-    body: int  # start of what its checksum covers
-    start: int
+    offset: int
     end: int
+    data: int  # where its records begin
+    size: int = 0  # of its records when unpacked
+    crc: int = 0
+    compression: str = ""
+    times_ns: tuple[int, int] | None = None
+    indexes: tuple[int, int] = (0, 0)  # bytes of the file with its message indexes
+    problem: str = ""  # why it cannot be used; empty where it can
+    spans: Array | None = None  # of its messages, one row a channel
 
 
-def attachment(data: mmap.mmap, at: int, end: int) -> AttachmentPlace:
-    fields = Fields(data, at + HEAD.size, end)
-    fields.skip(16)
-    name = shown(fields.text())
-    fields.text()
-    size = fields.number(8)
-    start = fields.at
-    fields.skip(size)
-    if fields.end - fields.at != 4:
+def fields(kind: Any, data: bytes | mmap.mmap, at: int, end: int) -> Any:
+    """A record without a payload, read by MCAP's library from its own bytes alone."""
+    try:
+        return kind.read(ReadDataStream(io.BytesIO(data[at + HEAD.size : end])))
+    except (EndOfFile, struct.error, UnicodeDecodeError):
+        raise PieceError("has fields that cannot be read") from None
+
+
+def _text(data: mmap.mmap, at: int, end: int) -> tuple[bytes, int]:
+    # A text with its length before it, and where it ends.
+    start = at + 4
+    stop = start + int.from_bytes(data[at:start], "little")
+    if stop > end:
+        raise PieceError("has a length that goes beyond its end")
+    return data[start:stop], stop
+
+
+def attachment(data: mmap.mmap, at: int, end: int) -> tuple[str, int, int]:
+    """An attachment's name, and from where to where its content is."""
+    name, place = _text(data, at + HEAD.size + 16, end)
+    _, place = _text(data, place, end)
+    start = place + 8
+    stop = start + int.from_bytes(data[place:start], "little")
+    if stop + 4 != end:
         raise PieceError("is an attachment whose lengths contradict each other")
-    return AttachmentPlace(name, at + HEAD.size, start, start + size)
+    return shown(name.decode("utf-8", "replace")), start, stop
 
 
-@dataclass(frozen=True)
-class ChunkHead:
-    """A chunk's own fields; ``data`` is where its records begin."""
-
-    start_ns: int
-    end_ns: int
-    size: int  # of its records when unpacked
-    crc: int
-    compression: str
-    data: int
-
-
-def chunk(data: mmap.mmap, at: int, end: int) -> ChunkHead:
-    """The fields of a chunk; refused when its lengths contradict each other."""
+def chunk(data: mmap.mmap, at: int, end: int) -> Piece:
+    """A chunk by its own fields; refused when its lengths contradict each other."""
     place = at + HEAD.size
     if place + _CHUNK.size > end:
         raise PieceError("is a chunk that is too short")
     start_ns, end_ns, size, crc, length = _CHUNK.unpack_from(data, place)
-    fields = Fields(data, place + _CHUNK.size, end)
     if length > 32:
         raise PieceError("is a chunk with an impossible name of its compression")
-    name = fields.bytes(length).decode("ascii", "replace")
-    if fields.number(8) != end - fields.at:
+    name, place = _text(data, place + _CHUNK.size - 4, end)
+    if int.from_bytes(data[place : place + 8], "little") != end - place - 8:
         raise PieceError("is a chunk whose lengths contradict each other")
-    return ChunkHead(start_ns, end_ns, size, crc, shown(name), fields.at)
+    compression = shown(name.decode("ascii", "replace"))
+    return Piece(at, end, place + 8, size, crc, compression, (start_ns, end_ns))
 
 
 def record_end(data: mmap.mmap, at: int, size: int) -> tuple[int, int]:

@@ -85,7 +85,7 @@ class _KeyFrame:
 def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
     replay = _Replay(log)
     found = replay.run(progress or (lambda _: None))
-    if any(p.problem and not p.compression for p in log.file.pieces):
+    if any(p.problem and not p.compression for p in log.pieces):
         # To name what was changed: with the rows of damaged pieces, and of what then differs only
         # what stands in them.
         sound = {(f"{t.name}_out", ns) for t in replay.tasks for ns in t.told_at.tolist()}
@@ -222,7 +222,7 @@ class _Replay:
 
     def rows(self, stream: str) -> tuple[Array, Array]:
         """Rows and their times; refused when their columns are not the device's."""
-        layout = self.log.file.layout(stream)
+        layout = self.log.layouts.get(stream)
         wanted = self.layouts.get(stream)
         if layout and (not wanted or layout.shape != wanted.shape):
             what = f"{self.log.path.name}: {stream} has other columns than the device."

@@ -22,10 +22,12 @@ from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array
+from esea_host.study.edge import trial_conditions
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.scene import Scene
 from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
+from esea_host.study.words import keyed
 
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
@@ -222,7 +224,7 @@ class BoardSource(InputSource):
                     raise
             if receiver.error is not None or time.monotonic() > until_s or self.ask():
                 raise UserError("The link to the board is broken.", "Look at cable and power.")
-            self.waits("The link to the board is broken: look at cable and power.")
+            self.waits(keyed("advice.link_broken"))
             time.sleep(0.05)
 
     def _new_file(self) -> Path:
@@ -315,9 +317,9 @@ class BoardSource(InputSource):
 
     def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
         """Have the board hold what the task's conditions are, and its inputs at hand."""
-        conditions = task.conditions(situation.parameters)
-        self.signals.must_fit([(task, conditions)])
-        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
+        asked = trial_conditions(task, situation.parameters)
+        self.signals.must_fit([(task, asked)])
+        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
         state = self._state_now()
@@ -341,12 +343,12 @@ class BoardSource(InputSource):
         while waiting := [a for a, tap in self._acts.items() if self._rows.value(tap) != wanted]:
             passed_s = (self.board_ns - begun_ns) * 1e-9
             axes = " and ".join(waiting)
-            what = f"The impairment of {axes} has not been switched {'on' if wanted else 'off'}"
             if passed_s > SWITCH_S:
+                what = f"has not changed over within {SWITCH_S:g} s"  # which way: not to a blinded
                 fix = "Let the joint rest, outside the wall, and repeat the trial."
-                raise UserError(f"{what} within {SWITCH_S:g} s.", fix)
+                raise UserError(f"The impairment of {axes} {what}.", fix)
             if passed_s > SETTLE_S:
-                self.waits(f"{what}: let the joint rest, outside the wall.")
+                self.waits(keyed("advice.switch", axes=axes))
             if self.ask():
                 return
             self.want({})

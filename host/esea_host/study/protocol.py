@@ -14,6 +14,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
 from esea_host.study.task import StudyTask, load_tasks, task_named
 from esea_host.study.trust import TaskCode, allow, inside, read_code
+from esea_host.study.words import Words, language_of, words_of
 
 GROUP = "group"
 SEE = "docs/studies-with-people.md"
@@ -93,6 +94,10 @@ class ProtocolFile(_Table):
     title: str = Field(description="one line")
     seed: int = Field(ge=0, le=2**31 - 1, description="of every random order of the study")
     tasks: tuple[str, ...] = Field((), description="files with tasks, beside this one")
+    language: str = Field("en", pattern="^[a-z]{2,3}$", description="of both windows")
+    texts: tuple[str, ...] = Field(
+        (), description="files with texts, beside this one, such as own.de.toml"
+    )
     blinded: tuple[Literal["operator", "participant", "analyst"], ...] = Field(
         (), description="who does not see the group"
     )
@@ -111,6 +116,15 @@ class Protocol:
     text: str
     origin: str
     code: tuple[TaskCode, ...] = ()
+    texts: tuple[TaskCode, ...] = ()
+
+    def words(self, language: str = "") -> Words:
+        """Texts of a language, or of the protocol's own; the study's files go over the shipped."""
+        language = language or self.file.language
+        for own in self.texts:
+            if language_of(own.path) == language:
+                return words_of(language, own.content, own.path.name)
+        return words_of(language)
 
     def line(self, *loc: str | int) -> str:
         """``protocol.toml, line 12``: where something stands."""
@@ -132,16 +146,27 @@ def parse_protocol(
     folders: Sequence[Path] = (),
     codes: Sequence[TaskCode] = (),
     runs: bool = True,
+    texts: Sequence[TaskCode] = (),
 ) -> Protocol:
     """From text; runs=False: no code is run, and what depends on a task is not checked."""
     document = parse_toml(text, origin, SEE)
     file = checked(ProtocolFile, document, origin, lambda _: "", text)
-    where = Protocol(file, text, origin).line("tasks")
-    own = [read_code(inside(f, Path(t), where)) for f in folders for t in file.tasks]
-    protocol = Protocol(file, text, origin, (*own, *codes))
-    names = [c.path.name for c in protocol.code]
-    if twice := sorted({n for n in names if names.count(n) > 1}):
-        raise UserError(f"{where}: several files {', '.join(twice)}.", "Give each another name.")
+    bare = Protocol(file, text, origin)
+
+    def beside(key: str, names: Sequence[str]) -> list[TaskCode]:
+        return [read_code(inside(f, Path(n), bare.line(key))) for f in folders for n in names]
+
+    own, own_texts = beside("tasks", file.tasks), beside("texts", file.texts)
+    protocol = Protocol(file, text, origin, (*own, *codes), (*own_texts, *texts))
+    for key, names in (
+        ("tasks", [c.path.name for c in protocol.code]),
+        ("texts", [language_of(t.path) for t in protocol.texts]),
+    ):
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            where = f"{bare.line(key)}: several files {', '.join(twice)}."
+            raise UserError(where, "Give each another name.")
+    for language in {file.language, *(language_of(t.path) for t in protocol.texts)}:
+        protocol.words(language)
     if runs:
         load_tasks(protocol.code)
         _check(protocol)

@@ -25,6 +25,7 @@ from esea_host.study.task import (
     TaskStep,
     task_named,
 )
+from esea_host.study.words import keyed
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
 ABORTED, FAILED = "aborted", "failed"
@@ -132,6 +133,7 @@ class StudySession:
     """One participant's session; continues a log that is there, whose plan must be the same.
 
     source: None to change the log only; about: what it is run with, for the record.
+    seal: as of :class:`~esea_host.study.log.EventLog`.
     """
 
     def __init__(
@@ -146,11 +148,13 @@ class StudySession:
         by: str = "",
         rehearsal: bool = False,
         about: Mapping[str, Any] | None = None,
+        seal: bytes | None = None,
     ) -> None:
         self.earlier, self.stopping = tuple(earlier), stopping or Stopping()
         self.about = about or {}
         self._offset_s = 0.0
         self.log = EventLog(path, durable, by)
+        self.log.seal = seal
         try:
             if not self.log.found.entries and source is not None:
                 marks = {"simulated": source.simulated, "rehearsal": rehearsal}
@@ -202,7 +206,7 @@ class StudySession:
         source = self.source
         source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
         if self.state.running is not None:
-            self._end(self.state.running, ABORTED, "the program was cut off", None)
+            self._end(self.state.running, ABORTED, keyed("reason.cut_off"), None)
         if self.log.found.entries:
             torn, running = len(self.log.found.torn), self.state.running
             self.say("resume", torn_bytes=torn, running=running, about=self.about)
@@ -249,7 +253,7 @@ class StudySession:
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules.longest_min:
-                return f"longer than {rules.longest_min:g} min"
+                return keyed("reason.too_long", minutes=rules.longest_min)
             if why := self.source.before(trial):
                 return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
@@ -261,7 +265,7 @@ class StudySession:
             elif not isinstance(reason, TrialOnly):
                 return reason
             if failed >= rules.failed_in_a_row:
-                return f"{failed} trials in a row failed, the last one: {reason}"
+                return keyed("reason.failed_in_a_row", failed=failed, reason=reason)
 
     def _trial(
         self, trial: PlannedTrial, past: tuple[Row, ...], watcher: SessionWatcher
@@ -288,7 +292,7 @@ class StudySession:
                 inputs = {**inputs, **pressed}
                 lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
-                    ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
+                    ended, reason = FAILED, keyed("reason.no_number", names=", ".join(lost))
                     break
                 inputs = plain(inputs, "inputs")  # as they are read back for a replay
                 step = checked_step(task, of_task(task, task.step, state, time_s, inputs))
