@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
@@ -35,7 +36,7 @@ GROUPS = {
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
     "People, studies and what comes of them": {
-        "study": "study session virtual",
+        "study": "study session wrist",
         "assess": "assess",
         "analyse": "interaction wrist",
         "smoothness": "interaction",
@@ -77,6 +78,11 @@ class _Terminal(Console):
 
 # Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
 out = _Terminal(highlight=False, markup=False, soft_wrap=True)
+
+
+def say(lines: Iterable[object]) -> None:
+    for line in lines:
+        out.print(line)
 
 
 def told(text: str) -> None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
+from types import SimpleNamespace as Asked
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
 from esea_host.cli.options import KeyOption
@@ -49,44 +50,24 @@ class PatchMode(StrEnum):
 
 DeviceOption = Annotated[
     str,
-    typer.Option(
+    option(
         "--device",
-        help="simulated: each task's own person; virtual: a person in the virtual device; pointer: "
+        "simulated: each task's own person; virtual: a person in the virtual device; pointer: "
         "you, moving that person's hand with the mouse; or a board: serial:..., tcp:..., "
         "sim:wrist_drive with a person in it",
     ),
 ]
-HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
-SeedOption = Annotated[int, typer.Option("--seed", help="Of the simulated participant.")]
+HeadlessOption = Annotated[bool, option("--headless", "Without windows.")]
+SeedOption = Annotated[int, option("--seed", "Of the simulated participant.")]
 SpeedOption = Annotated[
-    float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
+    float, option("--speed", "In windows: simulated time against the clock's.", min=0.1)
 ]
 DarkOption = Annotated[
-    bool | None,
-    typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
+    bool | None, option("--dark/--light", "Default: dark; the operator's as the desktop has it.")
 ]
 MassOption = Annotated[
-    float | None,
-    typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
+    float | None, option("--mass", "kg, by which the element of a board is confirmed.", min=0.01)
 ]
-
-
-@dataclass(frozen=True)
-class _Asked:
-    device: str
-    key: Path | None
-    arm: bool
-    headless: bool
-    seed: int
-    speed: float
-    language: str
-    patch: PatchMode
-    dark: bool | None
-    close: bool
-    hold: bool
-    early: str
-    mass: float | None
-    lever: float | None
 
 
 @study_app.command(
@@ -101,34 +82,31 @@ def run(
     device: DeviceOption = SIMULATED,
     key: KeyOption = None,
     arm: Annotated[
-        bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
+        bool, option("--arm", "A board: zero and arm it first; it is asked for 0 Nm.")
     ] = False,
     headless: HeadlessOption = False,
     seed: SeedOption = 1,
     speed: SpeedOption = 1.0,
-    language: Annotated[
-        str, typer.Option("--language", help="Of what the participant reads: en, de.")
-    ] = "en",
+    language: Annotated[str, option("--language", "Of what the participant reads: en, de.")] = "en",
     patch: Annotated[
-        PatchMode,
-        typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
+        PatchMode, option("--patch", "Square for a photodiode: with every frame, or at an onset.")
     ] = PatchMode.off,
     dark: DarkOption = None,
-    close: Annotated[bool, typer.Option("--close", help="Close the windows at the end.")] = False,
+    close: Annotated[bool, option("--close", "Close the windows at the end.")] = False,
     hold: Annotated[
-        bool,
-        typer.Option("--hold", help="Wait for you after a calibration that was not good enough."),
+        bool, option("--hold", "Wait for you after a calibration that was not good enough.")
     ] = False,
     early: Annotated[
-        str, typer.Option("--early", help="Why the session comes before its washout is over.")
+        str, option("--early", "Why the session comes before its washout is over.")
     ] = "",
     mass: MassOption = None,
     lever: Annotated[
-        float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+        float | None, option("--lever", "m, from the joint to where it hangs.", min=0.01)
     ] = None,
     trust: TrustOption = None,
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
+    asked = Asked(**locals())  # every option, by its name
     study = opened(folder, trust)
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
     if begun and not path.exists():
@@ -139,10 +117,6 @@ def run(
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
     if not begun or _remains(path):
-        asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever,
-        )  # fmt: skip
         _run(study, code, session, asked)
 
 
@@ -162,7 +136,7 @@ def _remains(path: Path) -> bool:
     return bool(state.remaining)
 
 
-def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
+def _run(study: StudyFolder, code: str, number: int, asked: Asked) -> None:
     from esea_host.study.scene import catalogue
 
     catalogue(asked.language)
@@ -221,7 +195,7 @@ def _in_windows(
     number: int,
     source: InputSource,
     board: ConnectedDevice | None,
-    asked: _Asked,
+    asked: Asked,
     pointed: list[tuple[float, float]],
 ) -> tuple[SessionState, str]:
     from esea_host.study.conductor import Conductor
@@ -254,7 +228,12 @@ def _name_recordings(study: StudyFolder) -> None:
 
 
 def _source(
-    held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
+    held: ExitStack,
+    study: StudyFolder,
+    code: str,
+    number: int,
+    asked: Asked,
+    pointer: Pointer,
 ) -> tuple[InputSource, ConnectedDevice | None]:
     from esea_host.study.source import SimulatedSource
 
@@ -288,7 +267,7 @@ def _source(
     return source, board
 
 
-def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
+def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: Asked) -> InputSource:
     from esea_gen.studies.torque_check.load import KnownLoad
     from esea_host.interaction.on_board import ElementBoard, ProcessHands
 
