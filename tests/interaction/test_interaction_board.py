@@ -13,12 +13,11 @@ import esea_gen
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.load import KnownLoad
 from esea_host.interaction.confirming import expected, judge, spring_Nm_rad
-from esea_host.interaction.from_board import cut_trials
 from esea_host.interaction.on_board import ElementBoard
-from esea_host.interaction.recordings import read_angle
+from esea_host.interaction.recordings import cut_trials, read_angle
 from esea_host.people.person import PersonModel, person
 from esea_host.simulated import LockstepDevice
-from esea_host.simulated.attendant import Attendant
+from esea_host.simulated.server import Attendant
 from esea_host.study.board import BoardSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log

@@ -55,8 +55,8 @@ class VirtualRun:
 
 def compare_wrist(asked: VirtualRun) -> None:
     from esea_host.wrist.calibration import AXES
-    from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
+    from esea_host.wrist.sensitivity import compare_methods
 
     found = compare_methods(*asked.whom, cluster=asked.cluster)
     heads = (

@@ -19,7 +19,7 @@ from esea_gen.studies.torque_check.load import KnownLoad
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
-from esea_host.interaction.player import RigPlayer
+from esea_host.interaction.rig import RigPlayer
 from esea_host.interaction.tasks import WithElement
 from esea_host.people.person import VirtualParticipant
 from esea_host.study.board import WORKING, BoardSource

@@ -12,9 +12,8 @@ import numpy as np
 
 from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
-from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
-from esea_host.interaction.rig import ElementRig, element_device, law_ends
+from esea_host.interaction.rig import ElementRig, RigPlayer, element_device, law_ends
 from esea_host.people.hand import MovingHand, Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.rig import compile_rig
