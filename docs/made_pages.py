@@ -31,18 +31,16 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Blocks, Systems, devices",
         ("language.ports", "language.block", "language.system", "device", "control.law", "errors"),
     ),
-    "c": ("Rendering, loading and checking C", ("emit.build", "hostlib.library")),
+    "c": ("Loading C", ("hostlib.library",)),
     "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",
         (
-            *(f"identify.{m}" for m in ("recording.mapping", "recording.tables")),
-            *(f"identify.{m}" for m in ("identification", "verdict")),
+            "identify.identification",
+            "identify.recording.tables",
             "twin.closed_loop",
             "twin.loop_run",
             *(f"analysis.{m}" for m in ("campaign", "monte_carlo")),
-            "studies.torque_check.check",
-            "plotting",
         ),
     ),
     "host": (

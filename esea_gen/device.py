@@ -21,6 +21,7 @@ from esea_gen.devices.file import (
     shipped_controllers,
     shipped_devices,
 )
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
@@ -217,7 +218,7 @@ def parse_device(text: str, origin: str) -> Device:
     return Device(parse_file(text, origin), origin)
 
 
-def with_numbers(device: Data, values: Mapping[str, float]) -> Data:
+def with_numbers(device: Data, values: Mapping[str, float | Quantity]) -> Data:
     """A device with other numbers, which are not validated again.
 
     Parameters
@@ -225,13 +226,17 @@ def with_numbers(device: Data, values: Mapping[str, float]) -> Data:
     device : Device
         Whose other numbers.
     values : mapping
-        Number by its place in the file: ``{"timing.sense_rate_Hz": 500.0}``.
+        Number by its place in the file: ``{"timing.sense_rate_Hz": 500.0}``; its status and source
+        stay, but for those of a Quantity.
     """
 
-    def changed(section: Any, place: list[str], value: float) -> Any:
+    def changed(section: Any, place: list[str], value: float | Quantity) -> Any:
         key, *rest = place
-        held = getattr(section, key)
-        new = changed(held, rest, value) if rest else held.model_copy(update={"value": value})
+        new, held = value, getattr(section, key)
+        if rest:
+            new = changed(held, rest, value)
+        elif not isinstance(value, Quantity):
+            new = held.model_copy(update={"value": value})
         return section.model_copy(update={key: new})
 
     file = device.file

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import errno
+import getpass
 import json
 import os
 import secrets
+import socket
 import stat
+import sys
 import tempfile
+import time
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +33,7 @@ def template_folder() -> Path:
 
 
 def sample_folder() -> Path:
-    """Folder of the recordings that come along: inside the wheel, or in the tests of a checkout."""
+    """Folder of the recordings that come along: in the wheel, or in the tests of a checkout."""
     packaged = Path(__file__).parent / "_samples"
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "tests" / "data"
 
@@ -79,7 +85,6 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file, and the folders that it stands in."""
     with written_whole(path) as scratch:
         scratch.write_bytes(content.encode() if isinstance(content, str) else content)
 
@@ -102,6 +107,106 @@ def new_whole(path: Path) -> Iterator[Path]:
             "Make room, or give another name.",
         ) from error
 
+
+# -- locks ----------------------------------------------------------------------------------------
+
+BINARY = getattr(os, "O_BINARY", 0)  # else Windows changes the ends of lines
+_LOCKED_BYTE = 1 << 30  # far behind the text: Windows lets nobody read a locked byte
+_TAKEN = {errno.EACCES, errno.EAGAIN, getattr(errno, "EDEADLOCK", errno.EAGAIN)}
+_WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL}
+
+
+def try_lock(file: int) -> bool:
+    """Lock an open file for this process; the system releases it when the process dies."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(file, _LOCKED_BYTE, os.SEEK_SET)
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in _TAKEN:
+            return False
+        raise
+    return True
+
+
+def utc_now() -> str:
+    """The host's time, ISO 8601 in UTC with milliseconds."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+@contextmanager
+def locked(
+    path: Path, person: str = "", wait_s: float = 0.0, of_any_host: bool = False
+) -> Iterator[dict[str, Any]]:
+    """Hold a lock file that names its holder; gives what a holder that died has left in it.
+
+    Which holder on this host is alive, the system knows.  A holder on another one counts as alive
+    until it has let go, or until of_any_host says that it is dead.
+    """
+    file, until_s = os.open(path, os.O_RDWR | os.O_CREAT | BINARY, 0o644), time.monotonic() + wait_s
+    try:
+        while not _lock(file, path):
+            if time.monotonic() >= until_s:
+                raise _held(path, _holder(file), "Wait until it has ended, or end it there.")
+            time.sleep(0.01)
+        left, host = _holder(file), socket.gethostname()
+        if left and left.get("host", host) != host and not of_any_host:
+            fix = "If that computer is off or has lost it: esea-host study repair FOLDER."
+            raise _held(path, left, f"Whether it still runs cannot be seen from here. {fix}")
+        try:
+            _write_holder(file, person, host)
+            yield left
+        finally:
+            with suppress(OSError):
+                os.ftruncate(file, 0)
+    finally:
+        os.close(file)
+
+
+def _lock(file: int, path: Path) -> bool:
+    try:
+        return try_lock(file)
+    except OSError as error:
+        if error.errno not in _WITHOUT_LOCKS:
+            raise
+        raise UserError(
+            f"{path}: the file system has no locks ({error.strerror}).", "Use a local disk."
+        ) from None
+
+
+def _write_holder(file: int, person: str, host: str) -> None:
+    if not person:
+        with suppress(OSError, KeyError, ImportError):  # a login without a name
+            person = getpass.getuser()
+    holder = {"pid": os.getpid(), "host": host, "person": person, "since": utc_now()}
+    os.ftruncate(file, 0)
+    os.lseek(file, 0, os.SEEK_SET)
+    os.write(file, json.dumps(holder).encode() + b"\n")
+
+
+def _holder(file: int) -> dict[str, Any]:
+    os.lseek(file, 0, os.SEEK_SET)
+    text = os.read(file, 4096)
+    try:
+        found = json.loads(text) if text else {}
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) else {"person": "somebody"}
+
+
+def _held(path: Path, holder: Mapping[str, Any], fix: str) -> UserError:
+    who, pid, host, since = (holder.get(k, "?") for k in ("person", "pid", "host", "since"))
+    text = f"{path.with_suffix('')} is in use by {who} (process {pid} on {host}, since {since})."
+    return UserError(text, fix)
+
+
+# -- results --------------------------------------------------------------------------------------
 
 # Of every result's JSON; it grows when a key goes or means something else, not when one comes.
 SCHEMA_VERSION = 1
@@ -131,26 +236,28 @@ def stamped(what: str, content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def result_schemas() -> dict[str, Path]:
-    """JSON schemas of results, by name."""
     folder = Path(__file__).parent / "schemas"
     return {p.stem: p for p in sorted(folder.glob("*.json"))}
 
 
 def result_schema(name: str) -> str:
-    """The JSON schema of a result."""
     known = result_schemas()
     choose("result", name, known)
     return known[name].read_text(encoding="utf-8")
 
 
+def read_json(path: Path, fix: str) -> Any:
+    data = read_whole(path, fix)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{path}: cannot be read as JSON ({error}).", fix) from None
+
+
 def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     """A result that :func:`write_json` wrote."""
     known, make = " or ".join(kinds), "Give the file that --json wrote."
-    data = read_whole(path, make)
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise UserError(f"{path}: cannot be read as JSON ({error}).", make) from None
+    content = read_json(path, make)
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"

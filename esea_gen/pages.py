@@ -24,6 +24,5 @@ def environment() -> jinja2.Environment:
 
 
 def plain_page(title: str, body: str) -> str:
-    """A page of text, tables and figures."""
     template = environment().get_template("page/plain.html.j2")
     return template.render(title=title, body=Markup(body))

@@ -69,17 +69,7 @@ STYLE: Any = {
 
 
 def svg(figure: Figure, name: str, alternative: str) -> Markup:
-    """A figure as it stands in a page: the same bytes for the same figure.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    name : str
-        Its own on the page: ids inside are salted with it.
-    alternative : str
-        What it shows, for those who cannot see it.
-    """
+    """A figure as it stands in a page: the same bytes for the same figure."""
     buffer = io.StringIO()
     named = _name_parts(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
@@ -193,15 +183,7 @@ def _short(path: str) -> str:
 
 
 def envelope(y: Array, most: int) -> npt.NDArray[np.intp]:
-    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost.
-
-    Parameters
-    ----------
-    y : ndarray
-        The signal, shape (n,).
-    most : int
-        Most samples to draw.
-    """
+    """Samples of a time signal to draw: lowest and highest of each stretch, so no peak is lost."""
     n = len(y)
     if n <= most:
         return np.arange(n)

@@ -32,7 +32,6 @@ class Toolchain:
         return self.compiler, self.package
 
     def tool(self, name: str) -> tuple[str, str]:
-        """Command and package of a binary tool (``nm``, ``objdump``)."""
         prefix = self.compiler.removesuffix("gcc")
         return prefix + name, "-".join(["binutils", *filter(None, [prefix.rstrip("-")])])
 
@@ -133,7 +132,6 @@ class Board:
 
     @property
     def clock_defines(self) -> tuple[str, ...]:
-        """Macros that give the hand-written code its clocks."""
         told = {"CLOCK": self.clock_Hz, "RESET": self.reset_Hz or self.clock_Hz}
         return tuple(f"-DESEA_{name}_HZ={Hz:.0f}u" for name, Hz in told.items() if Hz)
 
@@ -274,12 +272,10 @@ def firmware_folder() -> Path:
 
 
 def firmware_boards() -> dict[str, Board]:
-    """Boards that the firmware runs on: those with a folder."""
     return {b.name: b for b in BOARDS.values() if (firmware_folder() / b.folder).is_dir()}
 
 
 def find_board(name: str) -> Board:
-    """A board that the firmware runs on, by name."""
     known = firmware_boards()
     if name not in known:
         listed = "; ".join(f"{b.name} ({b.title})" for b in known.values())

@@ -24,8 +24,6 @@ DEEPEST = 32
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong in a document."""
-
     kind: str
     loc: tuple[str | int, ...]
     given: Any

@@ -131,8 +131,10 @@ def opening(qtbot):
     from esea_host.windows.study.operator import OperatorWindow
     from esea_host.windows.study.participant import ParticipantWindow
 
-    def of(conductor, board=None, **more):
-        made = ParticipantWindow(conductor, **more), OperatorWindow(conductor, board)
+    def of(conductor, board=None, language="", **more):
+        words = conductor.study.protocol.words(language)
+        operator = OperatorWindow(conductor, words, board)
+        made = ParticipantWindow(conductor, words, **more), operator
         for window in made:
             qtbot.addWidget(window)
             window.show()

@@ -22,8 +22,7 @@ from esea_gen.cli import main, names
 from esea_gen.cli.app import app
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
-from esea_gen.reproduce.reproduction import Reproduction
-from esea_gen.studies.registry import Study, studies
+from esea_gen.studies.registry import Reproduction, Study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.controllers import controllers
 from esea_gen.twin.published import PEOPLE

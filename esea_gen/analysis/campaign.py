@@ -1,8 +1,8 @@
 """One way to run many independent cases: here or on a cluster, resumable, always the same numbers.
 
 Monte Carlo, sweeps of tunables, passivity maps: a function, a list of cases, and who runs them.
-joblib starts the processes here and speaks to a Dask scheduler elsewhere; the journal is written
-by the process that asked.
+joblib starts the processes here, a Dask scheduler has them elsewhere; the journal is written by the
+process that asked.
 """
 
 from __future__ import annotations

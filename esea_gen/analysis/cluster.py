@@ -1,4 +1,4 @@
-"""Workers on other machines: a Dask scheduler's, through joblib's back end for it.
+"""Workers on other machines: a Dask scheduler's.
 
 A worker must be able to give the same numbers as this machine: same code, same versions, same
 compiler, one case at a time.  This is looked at on connecting, and by each worker before a case.
@@ -24,7 +24,6 @@ from esea_gen.errors import UserError
 from esea_gen.files import template_folder
 
 CONNECT_S = 5.0
-WORKERS_S = 60.0  # for workers to come back, when all of them died
 SHOWN = 3  # workers in a message
 CARRY_ON = "Finished cases are kept where a journal is; run again to go on."
 
@@ -165,49 +164,23 @@ def run_on(
 ) -> Iterator[Any]:
     """``work(case)`` of each case as it ends; nothing of a case that workers died of."""
     import distributed
-    import joblib
-    from joblib._dask import DaskDistributedBackend
 
-    class Backend(DaskDistributedBackend):  # type: ignore[misc]
-        """joblib's own, which would wait for ever for a task that ends in an error."""
-
-        def effective_n_jobs(self, n_jobs: int) -> Any:
-            # With one worker joblib would run the cases in this process.
-            return max(2, super().effective_n_jobs(n_jobs))
-
-        def submit(self, func: Any, callback: Any = None) -> Any:
-            future = super().submit(func, lambda _: None)
-            future.add_done_callback(callback)
-            return future
-
-        def retrieve_result_callback(self, out: Any) -> Any:
-            try:
-                found = out.result()
-            except distributed.KilledWorker:
-                return [None]
-            if isinstance(found, BaseException):
-                raise found
-            return super().retrieve_result_callback(found)
-
-    pool = joblib.Parallel(
-        backend=Backend(client=client, wait_for_workers_timeout=WORKERS_S),
-        return_as="generator_unordered",
-        batch_size=1,
-        pre_dispatch="all",  # workers that join later find work
-    )
+    fit = functools.partial(_fit, work, expected=machine())
+    futures = client.map(fit, list(cases), pure=False)
     try:
-        results = pool(joblib.delayed(_fit)(work, case, machine()) for case in cases)
-        try:
-            for result in results:
-                if isinstance(result, tuple):
-                    raise _refused(address, dict([result]))
-                if result is not None:
-                    yield result
-        finally:
-            with warnings.catch_warnings(action="ignore"):  # of what is not waited for
-                results.close()
+        ended = distributed.as_completed(futures, loop=client.loop)  # type: ignore[no-untyped-call]
+        for future in ended:
+            try:
+                result = future.result()
+            except distributed.KilledWorker:
+                continue
+            if isinstance(result, tuple):
+                raise _refused(address, dict([result]))
+            yield result
     except UserError:
         raise
     except Exception as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
         raise UserError(f"The cluster at {address} gave up ({told}).", CARRY_ON) from None
+    finally:
+        client.cancel(futures)

@@ -18,6 +18,7 @@ from typing import IO, Any
 
 from esea_gen import __version__
 from esea_gen.errors import UserError
+from esea_gen.files import try_lock
 
 
 def canonical(content: Any) -> str:
@@ -68,8 +69,6 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything beside the case that the numbers depend on."""
-
     parts: dict[str, Any]
 
     @property
@@ -107,25 +106,16 @@ class Journal:
                 f"{self.path}: cannot be written ({error.strerror}).", "Give another folder."
             ) from None
         with stream:
-            self._lock(stream)
+            if not try_lock(stream.fileno()):
+                raise UserError(
+                    f"{self.path}: another run is writing it.", "Wait for it or end it."
+                )
             finished = self._read(stream)
 
             def add(result: Result) -> None:
                 _append(stream, _line(result))
 
             yield finished, add
-
-    def _lock(self, stream: IO[bytes]) -> None:
-        try:
-            import fcntl
-        except ImportError:  # no such lock on this system: the user's own care
-            return
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise UserError(
-                f"{self.path}: another run is writing it.", "Wait for it or end it."
-            ) from None
 
     def _read(self, stream: IO[bytes]) -> dict[str, Result]:
         stream.seek(0)

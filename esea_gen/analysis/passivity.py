@@ -46,8 +46,6 @@ def hand_family(
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy that a driving point took in over a run, at the samples of the angle."""
-
     absorbed_J: Array
     exchanged_J: float  # either way, in total
 

@@ -20,8 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
-from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
-from esea_gen.analysis.impedance import OutputImpedance
+from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse, OutputImpedance
 from esea_gen.analysis.monte_carlo import Percentiles
 from esea_gen.analysis.response import Array
 from esea_gen.errors import UserError
@@ -47,21 +46,17 @@ CROSS = "\N{BALLOT X}"
 
 
 def new_figure(width: float, height: float, **kwargs: Any) -> tuple[Figure, Any]:
-    """A figure in inches and its axes."""
     figure = Figure(figsize=(width, height), layout="constrained", dpi=DPI)
     return figure, figure.subplots(**kwargs)
 
 
 def finished(figure: Figure) -> Figure:
-    """With the look that every picture has."""
     for axes in figure.axes:
         axes.tick_params(length=3)
     return figure
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw in the look that every picture has."""
-
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with mpl.rc_context(STYLE):
@@ -94,7 +89,6 @@ def panels(rows: Sequence[Panel], width: float, height: float, **kwargs: Any) ->
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as .png, .svg or .pdf."""
     picture, form = io.BytesIO(), path.suffix.lower().removeprefix(".")
     try:
         with mpl.rc_context(STYLE):
@@ -219,7 +213,6 @@ def rms_by_case(
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Logarithmic, with plain numbers."""
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

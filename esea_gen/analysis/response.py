@@ -45,7 +45,6 @@ def checked(name: str, values: npt.ArrayLike, like: int | None = None) -> Array:
 
 
 def checked_time(time_s: npt.ArrayLike) -> Array:
-    """Sample times, strictly rising."""
     time = checked("time_s", time_s)
     back = np.flatnonzero(np.diff(time) <= 0)
     if back.size:
@@ -68,8 +67,6 @@ def checked_period(period_s: float) -> float:
 
 @dataclass(frozen=True)
 class Resampled:
-    """Signals on a regular grid."""
-
     time_s: Array
     period_s: float
     signals: tuple[Array, ...]

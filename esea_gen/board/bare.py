@@ -1,4 +1,4 @@
-"""A task on emulated boards without an operating system: bits, instructions, flash, RAM, stack."""
+"""Tasks on emulated boards without an operating system: bits, instructions, flash, RAM, stack."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool
-from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool, write_texts
+from esea_gen.hostlib.library import HostLibrary, compile_device, run_schedule
+from esea_gen.language.system import Task
 from esea_gen.targets import (
     ARM_GCC,
     BARE_LINK,
@@ -95,8 +96,7 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
     gcc = find_compiler(*board.processor.toolchain.gcc)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)
-        for name, content in files.items():
-            (folder / name).write_text(content, encoding="utf-8")
+        write_texts(folder, files)
         sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
         image = folder / "bare.elf"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
@@ -127,35 +127,33 @@ def emulate(files: Mapping[str, str], board: Board) -> Emulation:
     return Emulation(rows, means, flash)
 
 
-def _rows(packed: Array, fmt: Format) -> list[list[str]]:
-    names = packed.dtype.names or ()
-    return [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
-
-
-def _judged(
-    renderer: Renderer,
-    board: str,
-    what: str,
-    words: list[dict[str, Any]],
-    expected: Array,
-    **own: Any,
+def run_bare(
+    device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
 ) -> BareResult:
-    # Run the harness ``own["harness"]``; ``expected``: bits of every output word, by step.
-    chosen, steps = BARE_BOARDS[board], len(expected)
+    """Run all tasks of a device on an emulated board, each at its own ticks, latches released.
+
+    inputs: by task and input; of a task without inputs an empty name, an element for each run.
+    """
+    fmt, system, chosen = FORMATS[real], device.system, BARE_BOARDS[board]
+    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
+    library = compile_device(device, real)
+    ticks = min(len(next(iter(inputs[t.name].values()))) * t.every for t in system.tasks)
+    words, expected = _expected(library, inputs, ticks)
     context = {
+        "ticks": ticks,
+        "rows": {t.name: _rows(library, t, inputs[t.name], fmt) for t in system.tasks},
         "words": words,
         "stack_top": chosen.ram + chosen.ram_bytes,
         "has_fpu": chosen.processor.fpu,
         "board": chosen.machine,
         "flash_bytes": chosen.code_bytes,
         "ram_bytes": chosen.ram_bytes,
-        **own,
     }
     files = {n: t for n, t in renderer.files().items() if n != "main.c" and "/" not in n}
-    files["bare.c"] = renderer.render(context.pop("harness"), **context)
-    files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
+    files["bare.c"] = renderer.render("verify/bare.c.j2", **context)
+    files["bare.ld"] = renderer.render("verify/bare.ld.j2", **context)
     done = emulate(files, chosen)
-    if len(done.rows) != steps + 1:
+    if len(done.rows) != ticks + 1:
         raise RuntimeError(f"the emulated board did not finish: {len(done.rows)} rows")
     got = np.array([[int(w, 16) for w in r] for r in done.rows[:-1]], dtype=np.uint32)
     wrong = np.argwhere(got != expected)
@@ -168,9 +166,9 @@ def _judged(
     return BareResult(
         board,
         chosen.core,
-        renderer.fmt.name,
-        what,
-        steps,
+        real,
+        system.tasks[0].name if len(system.tasks) == 1 else "all tasks",
+        ticks,
         not difference,
         difference,
         done.instructions,
@@ -180,90 +178,30 @@ def _judged(
     )
 
 
-def run_bare(
-    device: Device, real: str, board: str, inputs: Mapping[str, Array], task: str | None = None
-) -> BareResult:
-    """Run a task of a device on an emulated board."""
-    fmt, system = FORMATS[real], device.system
-    what = system.tasks[0] if task is None else system.task(task)
-    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
-    runner = compile_device(device, real).task(what.name)
-    packed = runner.pack(inputs)
-    host, _ = runner.run(inputs, trace=False, raw=True)
-    words, columns = [], []
-    for x in system.task_outputs(what):
-        column = np.ascontiguousarray(host[x.name]).view(np.uint32).reshape(len(packed), -1)
-        columns.append(column)
-        for i in range(x.port.size):
-            index = "" if x.port.size == 1 else f"[{i}]"
-            name = f"{x.name}{index}"
-            words.append({"name": name, "word": bool(x.port.flags)})
-    return _judged(
-        renderer,
-        board,
-        what.name,
-        words,
-        np.hstack(columns),
-        harness="verify/bare_task.c.j2",
-        task=what,
-        steps=len(packed),
-        rows=_rows(packed, fmt),
-    )
+def _rows(
+    library: HostLibrary, task: Task, inputs: Mapping[str, Array], fmt: Format
+) -> list[list[str]]:
+    packed = library.task(task.name).pack(inputs)
+    names = packed.dtype.names or ()
+    rows = [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
+    return [row or ["0"] for row in rows]
 
 
-def run_bare_system(
-    device: Device, real: str, board: str, inputs: Mapping[str, Mapping[str, Array]]
-) -> BareResult:
-    """Run all tasks of a device on an emulated board, each at its own ticks, latches released."""
-    fmt, system = FORMATS[real], device.system
-    renderer = Renderer(system, fmt, format_hash(device, real), "-", device.title)
-    library = compile_device(device, real)
-    ticks = min(
-        len(next(iter(inputs[t.name].values()))) * t.every for t in system.tasks if inputs[t.name]
-    )
-    rows = {
-        t.name: _rows(library.task(t.name).pack(inputs[t.name]), fmt)
-        if inputs[t.name]
-        else [["0"]] * (-(-ticks // t.every))
-        for t in system.tasks
-    }
-    words, expected = _scheduled(device, library, inputs, ticks, renderer)
-    harness = "verify/bare_system.c.j2"
-    return _judged(
-        renderer, board, "all tasks", words, expected, harness=harness, ticks=ticks, rows=rows
-    )
-
-
-def _scheduled(
-    device: Device,
-    library: HostLibrary,
-    inputs: Mapping[str, Mapping[str, Array]],
-    ticks: int,
-    renderer: Renderer,
+def _expected(
+    library: HostLibrary, inputs: Mapping[str, Mapping[str, Array]], ticks: int
 ) -> tuple[list[dict[str, Any]], Array]:
     # Every output word of the host's board at every tick; a task's outputs are held in between.
-    system, naming = device.system, renderer.naming
-    board = library.board()
+    found = run_schedule(library.board(), inputs)
     words: list[dict[str, Any]] = []
-    for task in system.tasks:
-        for x in system.task_outputs(task):
+    columns = [np.zeros((ticks, 0), np.uint32)]
+    for task in library.system.tasks:
+        run = (np.arange(ticks) - task.phase) // task.every
+        for x in library.system.task_outputs(task):
+            bits = library.naming.stored(x, found[task.name][x.name]).view(np.uint32)
+            held = bits.reshape(len(bits), -1)[np.maximum(run, 0)]
+            columns.append(np.where(run[:, None] < 0, np.uint32(0), held))
             for i in range(x.port.size):
                 index = "" if x.port.size == 1 else f"[{i}]"
                 name = f"{task.name}_out.{x.name}{index}"
-                words.append({"name": name, "word": bool(x.port.flags), "from": (task, x, i)})
-    expected = np.zeros((ticks, len(words)), dtype=np.uint32)
-    held: dict[str, dict[str, Any]] = {}
-    for tick in range(ticks):
-        board.release(tick)
-        for task in system.tasks:
-            k, late = divmod(tick - task.phase, task.every)
-            if not late and k >= 0:
-                given = {n: a[k] for n, a in inputs[task.name].items()}
-                held[task.name] = board.step(task.name, **given)
-        for j, w in enumerate(words):
-            task, x, i = w["from"]
-            if task.name not in held:
-                continue
-            value = np.atleast_1d(held[task.name][x.name])[i]
-            expected[tick, j] = naming.stored(x, value).view(np.uint32)
-    return words, expected
+                words.append({"name": name, "word": bool(x.port.flags)})
+    return words, np.hstack(columns)

@@ -21,7 +21,7 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool, write_texts
 from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
@@ -123,10 +123,7 @@ def build_firmware(
             shutil.copytree(firmware_folder() / part, folder / part)
         if drivers is not None:
             texts[f"{chosen.folder}/drivers.c"] = drivers
-        for name, text in texts.items():
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(text, encoding="utf-8")
+        write_texts(folder, texts)
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
         objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
@@ -157,7 +154,9 @@ def build_firmware(
                 f"({bounds}), the image has {stack_bytes}.",
                 "Ask for less in one task; with a [family] take a member of fewer terms.",
             )
-        target = _place(built, out)
+        target = out / built.name
+        write_whole(target, built.read_bytes())
+        target.chmod(0o755)
     return FirmwareImage(
         elf=target,
         board=board,
@@ -257,19 +256,3 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
 def _hash_in(header: str) -> str:
     found = re.search(r'_CONTENT_HASH "(\w+)"', header)
     return found.group(1) if found else ""
-
-
-def _place(built: Path, out: Path) -> Path:
-    target = out / built.name
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        # Copy beside the target, then rename: a reader sees a whole image or none.
-        partial = out / f".{built.name}.tmp"
-        shutil.copyfile(built, partial)
-        partial.chmod(0o755)
-        partial.replace(target)
-    except OSError as error:
-        raise UserError(
-            f"{out}: cannot be written ({error.strerror or error}).", "Give another --out folder."
-        ) from error
-    return target

@@ -13,7 +13,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import LoopBound, loop_lines
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool, write_texts
 from esea_gen.language.system import Task
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Board, Processor
 
@@ -120,8 +120,7 @@ def task_bounds(device: Device, processor: Processor) -> dict[str, int]:
         files = renderer.own_files() | {"bare.ld": renderer.render("bench/bare.ld.j2")}
         files |= {path.name: path.read_text() for path in renderer.fmt.sources()}
         files.pop("main.c", None)
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, files)
         # The checksum of the coefficients is the one loop that no Program states: a pass a word.
         source, wiring = "", f"{prefix}.c"
         ranges = {CHECKSUM: _lines(files[wiring], "offsetof(", "sum >> 15")}

@@ -23,7 +23,7 @@ GROUPS = {
         "export": "exporting",
         "report": "pages",
     },
-    "Boards": {"firmware": "boards", "emulate": "boards", "faults": "faults"},
+    "Boards": {"firmware": "boards", "emulate": "boards", "faults": "evidence"},
     "Evidence that the C is the model": {
         "verify": "evidence",
         "coverage": "evidence",
@@ -53,8 +53,6 @@ GROUPS = {
 
 
 class Commands(GroupedCommands):
-    """The commands of :data:`GROUPS`."""
-
     package, groups = "esea_gen.cli", GROUPS
 
     def invoke(self, ctx: Any) -> Any:
@@ -69,7 +67,6 @@ class Commands(GroupedCommands):
 
 
 def stopped(words: Sequence[str], resumable: bool) -> str:
-    """What is said of a command that was ended by Ctrl-C."""
     again = shlex.join(["esea-gen", *words])
     if not resumable:
         return f"stopped; no file is left half written. From the start again:\n  {again}"
@@ -135,5 +132,4 @@ def _main(
 
 
 def main() -> None:
-    """Entry point."""
     run("esea-gen", app, lambda: out.quiet)

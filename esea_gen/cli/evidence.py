@@ -1,4 +1,4 @@
-"""Evidence that the C is the model: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``."""
+"""Evidence: ``verify``, ``coverage``, ``gates``, ``mutate``, ``fixed``, ``faults``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,22 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import chosen_formats, option, recorded_streams
-from esea_gen.cli.output import exit_unless, progress_line, show
+from esea_gen.cli.options import (
+    DeviceArgument,
+    FigureOption,
+    JobsOption,
+    JournalOption,
+    JsonOption,
+    SeedOption,
+    chosen_formats,
+    option,
+    recorded_streams,
+)
+from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.files import write_json
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
-
 
 SearchOption = Annotated[
     int,
@@ -284,3 +293,35 @@ def fixed(
         deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, search, say)
     show(result, json_file, "fixed", passed=result.passed)
+
+
+@app.command()
+def faults(
+    device: DeviceArgument,
+    runs: Annotated[int, option("--runs", "Number of faults.", min=1)] = 2000,
+    seed: SeedOption = 0,
+    jobs: JobsOption = -1,
+    resume: JournalOption = None,
+    emulator: Annotated[
+        int, option("--emulator N", "So many of them on an emulated Cortex-M7 too.", min=0)
+    ] = 0,
+    json_file: JsonOption = None,
+    figure: FigureOption = None,
+) -> None:
+    """Break inputs, memory, clock and link of a drive's board; exit 1 where a bound is broken.
+
+    The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
+    --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
+    """
+    from esea_gen.analysis.campaign import Workers
+    from esea_gen.verify.faults.campaign import fault_campaign, with_emulated
+
+    with counted(f"{device}, faults") as tell:
+        result = fault_campaign(
+            device, runs=runs, seed=seed, workers=Workers(jobs), folder=resume, progress=tell
+        )
+    if emulator:
+        with counted(f"{device}, in the emulator") as tell:
+            result = with_emulated(result, device, runs, seed, emulator, tell)
+    passed = not result.outside and all(f.same for f in result.emulated)
+    show(result, json_file, "faults", figure=figure, passed=passed)

@@ -36,7 +36,6 @@ class GroupedCommands(TyperGroup):
 
     @property
     def commands(self) -> MutableMapping[str, Any]:
-        """By name."""
         return _Commands(self.package, self._homes())
 
     @commands.setter
@@ -47,7 +46,6 @@ class GroupedCommands(TyperGroup):
         return {name: home for group in self.groups.values() for name, home in group.items()}
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """In the order of the groups."""
         return list(self._homes())
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

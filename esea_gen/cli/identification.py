@@ -14,9 +14,8 @@ from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
-from esea_gen.cli.studies import StudyCommand
 from esea_gen.errors import UserError, choose
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import read_json, write_json, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.identify.published.search_problem import PresentBest, Searching
@@ -105,8 +104,8 @@ def identify(
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
+    from esea_gen.identify.published.fit import search_named
     from esea_gen.identify.published.search_problem import Searching
-    from esea_gen.identify.published.searches import search_named
 
     search_named(method)
     return Searching(method, jobs, resume, None if draw is None else _Drawing(draw).seen)
@@ -119,7 +118,7 @@ class _Drawing:
         self.path, self.drawn_s = path, -math.inf
 
     def seen(self, best: PresentBest, last: bool) -> None:
-        from esea_gen.report.pictures import search_picture
+        from esea_gen.report.figures import search_picture
 
         if last or time.monotonic() - self.drawn_s > LEAST_BETWEEN_S:
             picture(self.path, lambda: search_picture(best))
@@ -227,7 +226,7 @@ def reliability(
 ) -> None:
     """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
     if table.suffix == ".toml":
-        from esea_gen.identify.specimens import joint_fit
+        from esea_gen.identify.reliability import joint_fit
 
         with progress_share() as tell:
             joint = joint_fit(table, data, tell)
@@ -241,7 +240,7 @@ def reliability(
     show(judged(torques), json_file, "reliability")
 
 
-@app.command(cls=StudyCommand)
+@app.command()
 def uncertainty(
     device: options.DeviceArgument,
     runs: Annotated[int, option("--runs", "Monte Carlo runs.")] = 100,
@@ -254,6 +253,7 @@ def uncertainty(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
+    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
     from esea_gen.studies.uncertainty.spread import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
@@ -267,7 +267,7 @@ def uncertainty(
     show(result, json_file, "uncertainty", figure=figure)
 
 
-@app.command("torque-check", cls=StudyCommand)
+@app.command("torque-check")
 def torque_check(
     device: options.DeviceArgument,
     mass: Annotated[float | None, option("--mass KG", "Mass hung on the arm.")] = None,
@@ -292,10 +292,10 @@ def torque_check(
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    from esea_gen.studies.torque_check.check import TorqueCheck
-    from esea_gen.studies.torque_check.load import KnownLoad
-    from esea_gen.studies.torque_check.recording import apply_recording, read_check, read_recording
-    from esea_gen.studies.torque_check.study import instructions
+    """Check the torque sensor with a hanging mass: procedure, limits, a recording's verdict."""
+    from esea_gen.studies.torque_check.check import TorqueCheck, instructions
+    from esea_gen.studies.torque_check.procedure import KnownLoad
+    from esea_gen.studies.torque_check.recording import apply_recording, read_recording
 
     loaded = esea_gen.load_device(device)
     check = None
@@ -304,7 +304,7 @@ def torque_check(
             raise UserError(
                 "--resume already knows the load.", "Leave --mass and --arm out, or start anew."
             )
-        check = TorqueCheck.resumed(loaded, read_check(resume))
+        check = TorqueCheck.resumed(loaded, read_json(resume, "Give the file that --json wrote."))
     elif mass is not None and arm is not None:
         check = TorqueCheck(
             loaded,
@@ -360,7 +360,7 @@ def friction(
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
     from esea_gen.identify.drive.friction import fit_friction, read_run
-    from esea_gen.report.pictures import friction_picture
+    from esea_gen.report.figures import friction_picture
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out go together.", "Give both, or neither.")

@@ -25,8 +25,6 @@ PLANTS = ("ideal", "real", "random")
 
 @dataclass(frozen=True)
 class Written:
-    """A study as its source has it."""
-
     name: str
     title: str
     kind: str  # name of the class that it extends
@@ -38,8 +36,7 @@ class Written:
 def written_studies() -> dict[str, Written]:
     """Studies of the package, by name."""
     found = {}
-    studies, reproduced = ROOT / "studies", ROOT / "reproduce"
-    for path in [*studies.glob("*.py"), *studies.glob("*/study.py"), *reproduced.glob("*.py")]:
+    for path in [*(ROOT / "studies").glob("*.py"), *(ROOT / "reproduce").glob("*.py")]:
         text = path.read_text(encoding="utf-8")
         if '\n    name = "' not in text:
             continue
@@ -67,12 +64,10 @@ def _literals(node: ast.ClassDef) -> dict[str, Any]:
 
 
 def closed_loop_studies() -> list[str]:
-    """What ``simulate`` takes."""
     return [s.name for s in written_studies().values() if s.kind == "ClosedLoopStudy"]
 
 
 def reproductions() -> list[Written]:
-    """What ``reproduce`` takes."""
     return [s for s in written_studies().values() if s.kind == "Reproduction"]
 
 
@@ -81,7 +76,6 @@ def _stems(folder: str, suffix: str) -> list[str]:
 
 
 def shipped() -> list[str]:
-    """Device files of the package."""
     return _stems("devices", ".toml")
 
 

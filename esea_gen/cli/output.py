@@ -57,7 +57,6 @@ def progress_share() -> Iterator[Callable[[float, str], None]]:
 
 
 def progress_bar() -> Progress:
-    """A bar on the terminal, gone when done."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
     return _progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
@@ -100,7 +99,6 @@ def show(
 
 
 def exit_unless(passed: bool) -> None:
-    """End with the exit code of a negative result."""
     if not passed:
         raise typer.Exit(1)
 

@@ -8,16 +8,14 @@ rubber is wound up, the gear's disturbance looks like a stiffness of ten per cen
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
-from esea_gen.errors import UserError
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -27,12 +25,9 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Adaptation
-    from esea_gen.devices.file import DeviceData
 
 STOP_NM = 0.8
 """Threshold of the stop operator that stands for the loss: of trials from 0.1 to 0.8 the best."""
@@ -55,41 +50,25 @@ MOST_RAD = 1.6
 # Processing", 1985).
 def adaptation(device: DeviceData) -> Block:
     """What the sensor's model must show for a wanted torque x: a x + c E(x) + o, by LMS."""
-    law = _Adaptation(device)
-    return Block.of(
-        law,
-        "adaptation",
-        "Wish for the rubber at hand, learnt with a known mass",
-        constants=device.constants("adaptation"),
-        prepare=vars,
-        equations=_equations(),
-        streams=STREAMS,
-    )
-
-
-def adaptation_section(device: DeviceData) -> Adaptation:
-    found = device.file.adaptation
-    if found is None:
-        raise UserError(f"{device.origin}: section [adaptation] is missing.", "Add it.")
-    return found
+    return Block.of(_Adaptation(device))
 
 
 def shift_limit_Nm(device: DeviceData) -> float:
     """Most that loss and offset add to a wish."""
-    own = adaptation_section(device)
+    own = section_of(device, "adaptation")
     return threshold(1.01 * (own.loss_most.value * STOP_NM + own.offset_Nm.value))
 
 
 def gain_port(device: DeviceData) -> Port:
     """The wish's gain, with room for rounding beyond what may be learnt."""
-    own = adaptation_section(device)
+    own = section_of(device, "adaptation")
     low, high = 0.99 / own.scale_most.value, 1.01 / own.scale_least.value
     return Port("wish_gain", low, high, "gain of the wish, for the rubber at hand", on_invalid=1.0)
 
 
 class _Adaptation:
     def __init__(self, device: DeviceData) -> None:
-        self.own, drive = adaptation_section(device), drive_of(device)
+        self.own, drive = section_of(device, "adaptation"), drive_of(device)
         self.h = device.period_s
         self.tau_lim, self.omega_lim = drive.tau_Nm, drive.omega_rad_s
         self.low, self.high = drive.theta_low_rad, drive.theta_high_rad
@@ -107,6 +86,78 @@ class _Adaptation:
         # Gain, loss, stop's whole reach and offset at their largest, and the sensor's.
         self.missed_lim = threshold(
             1.01 * (self.tau_lim + self.gain_high * self.full + self.shift_lim)
+        )
+        self._ports(device)
+
+    def _ports(self, device: DeviceData) -> None:
+        self.name = "adaptation"
+        self.title = "Wish for the rubber at hand, learnt with a known mass"
+        self.constants = device.constants("adaptation")
+        self.prepare = vars
+        self.equations = equations(EQUATIONS)
+        self.streams = STREAMS
+        rows = (
+            ("share", 0.0, 0.0, 1.0, "1: the wish is adapted; 0: it is taken as it is"),
+            ("mass_Nm", 0.0, 0.0, self.full, "weight on the joint times its arm; 0: none hangs"),
+            ("mass_angle_rad", 0.0, -1.57, 1.57, "angle at which it hangs straight down"),
+            ("mass_kgm2", 0.0, 0.0, 2.0, "inertia of the mass and of what bears it"),
+            ("mass_Nms_rad", 0.0, 0.0, 1.0, "damping of the joint that bears it"),
+        )
+        texts = ("model's torque over the true one", "loss that the model misses", "offset")
+        names, starts = ("gain", "loss", "offset_Nm"), (1.0, 0.0, 0.0)
+        found = tuple(
+            (name, start, low, high, f"{text}, as an earlier adaptation found it")
+            for name, start, (low, high), text in zip(
+                names, starts, self.ends(), texts, strict=True
+            )
+        )
+        self.tunables = tuple(Tunable(*row, "docs/control.md") for row in (*rows, *found))
+        self.coefficients = tuple(t.port for t in self.tunables)
+        ends = zip(("gain", "loss", "offset_Nm"), self.ends(), strict=True)
+        more = [
+            around(f"more_{name}", 1.01 * (high - low), f"{name}: learnt since the start")
+            for name, (low, high) in ends
+        ]
+        stop = 1.01 * (self.tau_lim + STOP_NM)
+        self.state = (
+            Port("weighed", 0.0, 1.0, "1 when a known mass was compared in the last step"),
+            around("weight_lag_Nm", 1.01 * self.full, "its torque at rest, behind the lag"),
+            around("omega_lag_rad_s", 1.01 * self.omega_lim, "load side's rate behind the lag"),
+            around("tau_lag_Nm", 1.01 * self.tau_lim, "sensor's torque behind the lag"),
+            around("stop_known_Nm", 1.01 * (self.full + STOP_NM), "memory of its stop operator"),
+            around("mean_Nm", 1.01 * self.full, "mean of the known torque"),
+            Port("square_Nm2", 0.0, 4.1 * self.full**2, "mean square about it"),
+            *more,
+            Port("wish_gain", self.gain_port.low, self.gain_port.high, "in force", init=1.0),
+            around("wish_loss", 1.01 * self.loss_lim, "in force"),
+            around("wish_offset_Nm", 1.01 * self.offset_lim, "in force"),
+            around("stop_wish_Nm", stop, "memory of the wish's stop operator"),
+            Port("wished", 0.0, 1.0, "1 once there was a wish"),
+        )
+        self.inputs = (
+            around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
+            around("tau_Nm", self.tau_lim, "interaction torque that the sensor shows"),
+            Port("theta_load_rad", self.low, self.high, "load side's angle"),
+            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            Port("sensing_ok", 0.0, 1.0, "1 while torque and angles can be trusted"),
+        )
+        self.outputs = (
+            self.gain_port,
+            around("wish_shift_Nm", self.shift_lim, "loss and offset of the wish, in force"),
+            Port("gain", self.gain_low, self.gain_high, "model's torque over the true one"),
+            around("loss", self.loss_lim, "stop operator's share in the model's torque"),
+            around("offset_Nm", self.offset_lim, "what the model shows without torque"),
+            around("missed_Nm", self.missed_lim, "sensor less what is expected of the known mass"),
+            status_port(
+                "what is known of it",
+                "an input was NaN or outside its range; nothing is learnt",
+                "the state was corrupt; what was learnt is lost",
+                Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
+                Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
+                Flag(
+                    "IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"
+                ),
+            ),
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
@@ -227,101 +278,17 @@ class _Adaptation:
         kept = {"stop_wish_Nm": ca.if_else(s.wished, stopped, u.tau_desired_Nm), "wished": 1}
         return {"wish_gain": now["wish_gain"], "wish_shift_Nm": shift}, now | kept
 
-    def tunables(self) -> tuple[Tunable, ...]:
-        rows = (
-            ("share", 0.0, 0.0, 1.0, "1: the wish is adapted; 0: it is taken as it is"),
-            ("mass_Nm", 0.0, 0.0, self.full, "weight on the joint times its arm; 0: none hangs"),
-            ("mass_angle_rad", 0.0, -1.57, 1.57, "angle at which it hangs straight down"),
-            ("mass_kgm2", 0.0, 0.0, 2.0, "inertia of the mass and of what bears it"),
-            ("mass_Nms_rad", 0.0, 0.0, 1.0, "damping of the joint that bears it"),
-        )
-        texts = ("model's torque over the true one", "loss that the model misses", "offset")
-        names, starts = ("gain", "loss", "offset_Nm"), (1.0, 0.0, 0.0)
-        found = tuple(
-            (name, start, low, high, f"{text}, as an earlier adaptation found it")
-            for name, start, (low, high), text in zip(
-                names, starts, self.ends(), texts, strict=True
-            )
-        )
-        return tuple(Tunable(*row, "docs/control.md") for row in (*rows, *found))
 
-    def coefficients(self) -> tuple[Port, ...]:
-        return tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables())
-
-    def state(self) -> tuple[Port, ...]:
-        ends = zip(("gain", "loss", "offset_Nm"), self.ends(), strict=True)
-        more = [
-            around(f"more_{name}", 1.01 * (high - low), f"{name}: learnt since the start")
-            for name, (low, high) in ends
-        ]
-        stop = 1.01 * (self.tau_lim + STOP_NM)
-        return (
-            Port("weighed", 0.0, 1.0, "1 when a known mass was compared in the last step"),
-            around("weight_lag_Nm", 1.01 * self.full, "its torque at rest, behind the lag"),
-            around("omega_lag_rad_s", 1.01 * self.omega_lim, "load side's rate behind the lag"),
-            around("tau_lag_Nm", 1.01 * self.tau_lim, "sensor's torque behind the lag"),
-            around("stop_known_Nm", 1.01 * (self.full + STOP_NM), "memory of its stop operator"),
-            around("mean_Nm", 1.01 * self.full, "mean of the known torque"),
-            Port("square_Nm2", 0.0, 4.1 * self.full**2, "mean square about it"),
-            *more,
-            Port("wish_gain", self.gain_port.low, self.gain_port.high, "in force", init=1.0),
-            around("wish_loss", 1.01 * self.loss_lim, "in force"),
-            around("wish_offset_Nm", 1.01 * self.offset_lim, "in force"),
-            around("stop_wish_Nm", stop, "memory of the wish's stop operator"),
-            Port("wished", 0.0, 1.0, "1 once there was a wish"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (
-            around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
-            around("tau_Nm", self.tau_lim, "interaction torque that the sensor shows"),
-            Port("theta_load_rad", self.low, self.high, "load side's angle"),
-            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            Port("sensing_ok", 0.0, 1.0, "1 while torque and angles can be trusted"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        return (
-            self.gain_port,
-            around("wish_shift_Nm", self.shift_lim, "loss and offset of the wish, in force"),
-            Port("gain", self.gain_low, self.gain_high, "model's torque over the true one"),
-            around("loss", self.loss_lim, "stop operator's share in the model's torque"),
-            around("offset_Nm", self.offset_lim, "what the model shows without torque"),
-            around("missed_Nm", self.missed_lim, "sensor less what is expected of the known mass"),
-            status_port(
-                "what is known of it",
-                "an input was NaN or outside its range; nothing is learnt",
-                "the state was corrupt; what was learnt is lost",
-                Flag("LEARNS", "the known mass moves: gain, loss and offset are learnt"),
-                Flag("AT_BOUND", "what would be learnt lies beyond its bound"),
-                Flag(
-                    "IMPLAUSIBLE", "no rubber misses the known torque by so much: nothing is learnt"
-                ),
-            ),
-        )
-
-
-def _equations() -> tuple[Equation, ...]:
-    x, e, f, r = sp.symbols("x E F r")
-    gain, loss, offset, tau = sp.symbols("a c o tau_e")
-    weight, arm, alpha, damping, omega = sp.symbols("tau_M J_M alpha d_M omega_l")
-    rate, h, missed = sp.symbols("L h e")
-    return (
-        equation(
-            "[adapt 1]",
-            "x",
-            weight + arm * alpha + damping * omega,
-            "known torque; tau_M is the weight times the sine of its angle",
-        ),
-        equation("[adapt 2]", "E", x - sp.Max(sp.Min(f, x + r), x - r), "stop operator, r 0.8 Nm"),
-        equation("[adapt 3]", "e", tau - (gain * x + loss * e + offset), "missed by the model"),
-        equation("[adapt 4]", "a_k+1", gain + SHARES[0] * rate * h * missed * x, "gain, by LMS"),
-        equation("[adapt 5]", "c_k+1", loss + SHARES[1] * rate * h * missed * e, "loss"),
-        equation("[adapt 6]", "o_k+1", offset + SHARES[2] * rate * h * missed, "offset"),
-        equation(
-            "[adapt 7]", "tau_model", gain * sp.Symbol("tau_d") + loss * e + offset, "wish, E of it"
-        ),
-    )
+EQUATIONS = """
+    [adapt 1] | x | tau_M + J_M * alpha + d_M * omega_l | known torque; \
+        tau_M is the weight times the sine of its angle
+    [adapt 2] | E | x - Max(Min(F, x + r), x - r) | stop operator, r 0.8 Nm
+    [adapt 3] | e | tau_e - (a * x + c * E + o) | missed by the model
+    [adapt 4] | a_k+1 | a + 0.5 * L * h * e * x | gain, by LMS
+    [adapt 5] | c_k+1 | c + L * h * e * E | loss
+    [adapt 6] | o_k+1 | o + 0.5 * L * h * e | offset
+    [adapt 7] | tau_model | a * tau_d + c * E + o | wish, E of it
+"""
 
 
 COUNT = 1600

@@ -6,16 +6,16 @@ As printed (thesis 7.1, 7.2) both damping terms feed a motion out; what is passi
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
+import numpy as np
 import sympy as sp
 
 from esea_gen.control.limits.safety import JOINT_RAD
-from esea_gen.errors import UserError
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -25,12 +25,8 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations, to_casadi
 
 # Switching on or off is for a wrist that rests, and is not in the wall.
 REST_RAD_S = 0.1
@@ -51,6 +47,12 @@ PUSH = sp.Max(KP * (THETA - WALL) + KD * OMEGA, 0)
 RESISTANCE = -KV * OMEGA
 
 
+EQUATIONS = """
+    (7.1) | W | wall | push of the wall, with the sign put right
+    (7.2) | tau | total | held at the allowed torque
+"""
+
+
 def has_wall(device: DeviceData, axis: str) -> bool:
     section = device.file.impairment
     return section is not None and (not section.wall_axes or axis in section.wall_axes)
@@ -63,32 +65,24 @@ def has_wall(device: DeviceData, axis: str) -> bool:
 # outside the wall.
 def impairment(device: DeviceData, *, wall: bool = True) -> Block:
     """Torque of a simulated impairment of one axis (7.1, 7.2; the damping's sign put right)."""
-    law = _Impairment(device, wall)
-    return Block.of(
-        law,
-        "impairment" if wall else "resistance",
-        f"Simulated impairment: {'wall and ' if wall else ''}resistance",
-        prepare=lambda t: {n: getattr(t, n) for n in law.names},
-        state=(Port("on", 0.0, 1.0, "1 while it acts"),),
-        streams=OwnStreams(events=_events),
-    )
+    return Block.of(_Impairment(device, wall))
 
 
 class _Impairment:
     names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
 
     def __init__(self, device: DeviceData, wall: bool) -> None:
-        if device.file.impairment is None:
-            raise UserError(
-                f"{device.origin}: section [impairment] is missing.",
-                "Add it; wrist_drive.toml shows the form.",
-            )
-        self.section, self.wall = device.file.impairment, wall
+        form = "Add it; wrist_drive.toml shows the form."
+        self.section, self.wall = section_of(device, "impairment", fix=form), wall
         self.h, self.theta = device.period_s, threshold(JOINT_RAD)
         self.omega = threshold(device.file.limits.omega_rad_s.value)
         self.tau = threshold(device.tau_full_scale_Nm)
+        self.name = "impairment" if wall else "resistance"
+        self.title = f"Simulated impairment: {'wall and ' if wall else ''}resistance"
+        self.prepare = lambda t: {n: getattr(t, n) for n in self.names}
+        self.state = (Port("on", 0.0, 1.0, "1 while it acts"),)
+        self.streams = OwnStreams(events=_events)
 
-    def tunables(self) -> tuple[Tunable, ...]:
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
             number = getattr(self.section, name)
             if name == "Kv_Nms_rad" and not self.wall:
@@ -100,7 +94,7 @@ class _Impairment:
                 value, source = 0.0 if name in OF_WALL else self.theta, "no wall on this axis"
             return Tunable(name, value, low, high, meaning, source, status)
 
-        return (
+        self.tunables = (
             given("wall_rad", -self.theta, self.theta, "where the wall begins"),
             given("Kp_Nm_rad", 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
             given("Kd_Nms_rad", 0.0, 20.0, "damping in the wall: higher, less bounce"),
@@ -110,19 +104,13 @@ class _Impairment:
                 *("the elastomer's full scale", "assumed", "low"),
             ),
         )
-
-    def coefficients(self) -> tuple[Port, ...]:
-        return tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables())
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (
+        self.coefficients = tuple(t.port for t in self.tunables)
+        self.inputs = (
             around("theta_rad", self.theta, "angle of the joint from the neutral position"),
             around("omega_rad_s", self.omega, "its rate"),
             Port("constrained", 0.0, 1.0, "1 asks for the impairment"),
         )
-
-    def outputs(self) -> tuple[Port, ...]:
-        return (
+        self.outputs = (
             around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
             Port("acts", 0.0, 1.0, "1 while the impairment acts"),
             Port("usable", 0.0, 1.0, "1 while nothing here was invalid or corrupt"),
@@ -135,6 +123,9 @@ class _Impairment:
                 Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
             ),
         )
+        wall = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
+        total = sp.Max(sp.Min(RESISTANCE - sp.Symbol("W"), TAU_MAX), -TAU_MAX)
+        self.equations = equations(EQUATIONS, wall=wall, total=total)
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         depth = label("depth_rad", u.theta_rad - c.wall_rad, "into the wall")
@@ -162,14 +153,6 @@ class _Impairment:
                 ca.logic_and(asked != on, guard.inputs_ok),
             ),
         }
-
-    def equations(self) -> tuple[Equation, ...]:
-        shown = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
-        total = sp.Max(sp.Min(RESISTANCE - sp.Symbol("W"), TAU_MAX), -TAU_MAX)
-        return (
-            equation("(7.1)", "W", shown, "push of the wall, with the sign put right"),
-            equation("(7.2)", "tau", total, "held at the allowed torque"),
-        )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepFn, StepResult
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, clip, status_port
-from esea_gen.model.symbolic import equation
+from esea_gen.language.ports import Flag, Port, Tunable, clip, status_port
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
@@ -57,7 +56,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
                 Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
             ),
         ),
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         step=_joining(laws, checked, reach),
     )
 
@@ -98,10 +97,8 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
     return step
 
 
-def _equations() -> tuple[Equation, ...]:
-    v, o, w, u_last, t, tau = sp.symbols("v_k o_k-1 o_k u_k-1 T tau")
-    return (
-        equation("[law]", "u_k", v + w, "the law in force, joined"),
-        equation("[law 1]", "o_k", u_last - v, "at a change"),
-        equation("[law 2]", "o_k", o * sp.exp(-t / tau), "after it"),
-    )
+EQUATIONS = """
+    [law] | u_k | v_k + o_k | the law in force, joined
+    [law 1] | o_k | u{k-1} - v_k | at a change
+    [law 2] | o_k | o{k-1} * exp(-T / tau) | after it
+"""

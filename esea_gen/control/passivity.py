@@ -9,22 +9,19 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
-from esea_gen.errors import UserError
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
     Constant,
-    Equation,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     in_range,
@@ -32,13 +29,10 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 from esea_gen.observe.rates import filter_delay_s
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import PassiveInteraction
-    from esea_gen.devices.file import DeviceData
 
 RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
@@ -49,40 +43,19 @@ MOVES_RAD_S = 0.01
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
 
 
-def passivity_section(device: DeviceData) -> PassiveInteraction:
-    found = device.file.passivity
-    if found is None:
-        raise UserError(
-            f"{device.origin}: section [passivity] is missing.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-    return found
-
-
 # V = E + J omega_m^2/2 + Omega n (T v + h kappa m) is held below E_m: E given beyond the wanted
 # torque, v the most the motor may give behind its lag, m the most that the rate limit may have left
 # of a command, T the lag and the delay of the speed's filter.  In a sample that is not good E grows
 # by the most the motor can have worked.  Proven in docs/stability.md.
 def passivity(device: DeviceData) -> Block:
     """Damping that the error of a law lacks, and a bound of the energy that the drive gives."""
-    law = _Passivity(device)
-    return Block.of(
-        law,
-        "passivity",
-        "Damping that a law lacks, and a bound of the energy that the drive gives",
-        constants=(*device.constants("passivity"), *law.constants()),
-        prepare=lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J},
-        equations=_equations(),
-        streams=STREAMS,
-    )
+    return Block.of(_Passivity(device))
 
 
 class _Passivity:
     def __init__(self, device: DeviceData) -> None:
-        self.own, self.drive = passivity_section(device), drive_of(device)
-        safety = device.file.safety
-        if safety is None:
-            raise UserError(f"{device.origin}: section [safety] is missing.", "Add it.")
+        self.own, self.drive = section_of(device, "passivity"), drive_of(device)
+        safety = section_of(device, "safety")
         actuator = self.drive.actuator
         self.h = device.period_s
         self.low, self.high = self.drive.theta_low_rad, self.drive.theta_high_rad
@@ -129,22 +102,93 @@ class _Passivity:
                 + (self.by_lag_J_Nm + self.by_rate_J_Nm) * self.u_max
             )
         )
+        self._ports(device)
 
-    def constants(self) -> tuple[Constant, ...]:
+    def _ports(self, device: DeviceData) -> None:
+        self.name = "passivity"
+        self.title = "Damping that a law lacks, and a bound of the energy that the drive gives"
+        self.prepare = lambda t: {"least_Nms_rad": t.least_Nms_rad, "energy_J": t.energy_J}
+        self.equations = equations(EQUATIONS)
+        self.streams = STREAMS
+
         def derived(name: str, value: float, source: str) -> Constant:
             return Constant(name, value, source, "derived")
 
-        return (
+        self.constants = (
+            *device.constants("passivity"),
             derived("omega_most_rad_s", self.omega_most, "speed of the drive at energy_J"),
             derived("by_lag_J_Nm", self.by_lag_J_Nm, "what the motor's lag may still bring"),
             derived("by_rate_J_Nm", self.by_rate_J_Nm, "what the rate limit may still bring"),
             derived("open_Nm_J", self.open_Nm_J, "[pas 6] command let by for the energy left"),
         )
+        least, energy = self.own.least_Nms_rad, self.own.energy_J
+        felt = "damping that a hand feels at least: more is calmer and less transparent"
+        held = "energy that drive and command may hold and give: less is weaker"
+        self.tunables = (
+            least.tunable("least_Nms_rad", least.value, self.damping, felt, "high"),
+            energy.tunable("energy_J", 0.1 * self.energy, self.energy, held, "low"),
+        )
+        self.coefficients = tuple(
+            Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables
+        )
+        u_room = 1.001 * self.u_max
+        self.state = (
+            around("power_W", self.power_lim, "mean power that the error gives to the limb"),
+            Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
+            # Room for a fixed-point clip, which rounds its ends.
+            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added", init=self.damping),
+            Port("theta_load_last_rad", self.low, self.high, "load side's angle a step ago"),
+            around("error_last_Nm", self.error_lim, "error a step ago"),
+            Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy that the drive has given"),
+            Port(
+                "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
+            ),
+            Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
+            Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
+            Port("seen", 0.0, 1.0, "1 when the last sample was good"),
+        )
+        self.inputs = (
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
+            Port("request_ok", 0.0, 1.0, "1 while what is wanted is sound"),
+            around("tau_set_Nm", self.tau_set_lim, "set torque"),
+            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
+            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
+            around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
+            Port("theta_load_rad", self.low, self.high, "load side's angle"),
+            around("omega_load_rad_s", self.omega_lim, "load side's speed"),
+            Port("theta_motor_rad", self.low, self.high, "motor side's angle"),
+            around("omega_motor_rad_s", self.omega_lim, "motor side's speed"),
+            around("u_command_Nm", self.u_lim, "stamped command, at the motor shaft"),
+        )
+        self.outputs = (
+            around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
+            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
+            Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
+            Port(
+                "request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state or tunable"
+            ),
+            around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
+            Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
+            status_port(
+                "what is known of this step",
+                "an input was NaN or outside its range; the command is 0",
+                "the state was corrupt, all is forgotten: the limits latch",
+                Flag("DAMPED", "damping is added to what is wanted"),
+                Flag(
+                    "COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"
+                ),
+                Flag("FAST", "the drive is faster than the bound reckons with"),
+            ),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
         going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
-        whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients()}
+        whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients}
         sound = label("tunables_valid", ca.logic_and(*whole.values()), "else the limits latch")
         # A flipped one counts as the strictest until they have.
         strictest = {"least_Nms_rad": self.damping, "energy_J": 0.1 * self.energy}
@@ -269,96 +313,19 @@ class _Passivity:
         let = clip(u.u_command_Nm, -most, most)
         return next_state, SimpleNamespace(u_Nm=let, held_J=held)
 
-    def tunables(self) -> tuple[Tunable, ...]:
-        least, energy = self.own.least_Nms_rad, self.own.energy_J
-        felt = "damping that a hand feels at least: more is calmer and less transparent"
-        held = "energy that drive and command may hold and give: less is weaker"
-        return (
-            least.tunable("least_Nms_rad", least.value, self.damping, felt, "high"),
-            energy.tunable("energy_J", 0.1 * self.energy, self.energy, held, "low"),
-        )
 
-    def coefficients(self) -> tuple[Port, ...]:
-        return tuple(Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables())
-
-    def state(self) -> tuple[Port, ...]:
-        u_room = 1.001 * self.u_max
-        return (
-            around("power_W", self.power_lim, "mean power that the error gives to the limb"),
-            Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
-            # Room for a fixed-point clip, which rounds its ends.
-            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added", init=self.damping),
-            Port("theta_load_last_rad", self.low, self.high, "load side's angle a step ago"),
-            around("error_last_Nm", self.error_lim, "error a step ago"),
-            Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
-            Port("given_J", 0.0, 1.001 * self.given_lim, "energy that the drive has given"),
-            Port(
-                "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
-            ),
-            Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
-            Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
-            Port("seen", 0.0, 1.0, "1 when the last sample was good"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-            Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
-            Port("request_ok", 0.0, 1.0, "1 while what is wanted is sound"),
-            around("tau_set_Nm", self.tau_set_lim, "set torque"),
-            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
-            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
-            around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
-            Port("theta_load_rad", self.low, self.high, "load side's angle"),
-            around("omega_load_rad_s", self.omega_lim, "load side's speed"),
-            Port("theta_motor_rad", self.low, self.high, "motor side's angle"),
-            around("omega_motor_rad_s", self.omega_lim, "motor side's speed"),
-            around("u_command_Nm", self.u_lim, "stamped command, at the motor shaft"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        return (
-            around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
-            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
-            Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
-            Port(
-                "request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state or tunable"
-            ),
-            around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
-            Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
-            Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
-            status_port(
-                "what is known of this step",
-                "an input was NaN or outside its range; the command is 0",
-                "the state was corrupt, all is forgotten: the limits latch",
-                Flag("DAMPED", "damping is added to what is wanted"),
-                Flag(
-                    "COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"
-                ),
-                Flag("FAST", "the drive is faster than the bound reckons with"),
-            ),
-        )
-
-
-def _equations() -> tuple[Equation, ...]:
-    tau, tau_w, kd, w = sp.symbols("tau_e tau_w K_d omega_l")
-    P, N, b0, b1, b = sp.symbols("P N b_0 b_1 b")
-    gamma, n0, tr = sp.symbols("gamma n_0 T_r")
-    E, d, J, wm, big, late, v = sp.symbols("E Delta_theta_m J omega_m Omega T v")
-    h, k, n, m, most, extra = sp.symbols("h kappa n m E_m epsilon")
-    base = E + J * wm**2 / 2 + big * n * late * v
-    rises = (gamma * (P + b0 * N) + (b1 - b) * n0 / tr) / (N + n0)
-    given = sp.Max(0, E + tau * d - sp.Max(0, tau_w * d))
-    let_by = (most - base) / (big * n * h * (1 + extra + k))
-    return (
-        equation("[pas 1]", "e", tau - tau_w - kd * w, "torque beyond what is wanted"),
-        equation("[pas 2]", "b_felt", -P / N, "damping that the hand feels, by the error"),
-        equation("[pas 3]", "b'", rises, "damping that is added, between 0 and b_1"),
-        equation("[pas 4]", "E", given, "energy that was given"),
-        equation("[pas 5]", "V", base + big * n * h * k * m, "given, and what may still follow"),
-        equation("[pas 6]", "u_most", let_by, "largest command let by"),
-    )
+EQUATIONS = """
+    [pas 1] | e | tau_e - tau_w - K_d * omega_l | torque beyond what is wanted
+    [pas 2] | b_felt | -P / N | damping that the hand feels, by the error
+    [pas 3] | b' | (gamma * (P + b_0 * N) + (b_1 - b) * n_0 / T_r) / (N + n_0) | \
+        damping that is added, between 0 and b_1
+    [pas 4] | E | Max(0, E + tau_e * Delta_theta_m - Max(0, tau_w * Delta_theta_m)) | \
+        energy that was given
+    [pas 5] | V | E + J * omega_m**2 / 2 + Omega * n * T * v + Omega * n * h * kappa * m | \
+        given, and what may still follow
+    [pas 6] | u_most | (E_m - E - J * omega_m**2 / 2 - Omega * n * T * v) \
+        / (Omega * n * h * (1 + epsilon + kappa)) | largest command let by
+"""
 
 
 def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:

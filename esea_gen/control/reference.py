@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,9 +11,9 @@ import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -23,11 +23,8 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 OFF, TORQUE, IMPEDANCE = 0.0, 1.0, 2.0
 
@@ -37,6 +34,12 @@ THETA_D, OMEGA_D, THETA_L, OMEGA_L, TAU_D = sp.symbols(
 )
 # (5.24) with the sign of a stiffness: the coupling's torque acts + on the load.
 IMPEDANCE_LAW = TAU_D + KP * (THETA_D - THETA_L) + KD * (OMEGA_D - OMEGA_L)
+
+EQUATIONS = """
+    (5.24), sign of a stiffness | tau_law | law | impedance law
+    [blend] | tau_set | tau_law + o{k-1} * exp(-h / T_b) | \
+        offset from where the torque was at the change of mode, fading
+"""
 
 BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
@@ -55,23 +58,7 @@ def largest_gains(device: DeviceData) -> tuple[float, float]:
 # corrupt state means off for that step, and request_ok 0, on which the limits latch.
 def reference(device: DeviceData) -> Block:
     """Set torque from mode, wanted torque and impedance law, started from where the torque is."""
-    law = _Reference(device)
-    text = (
-        "from the law to where the torque was; impedance: the law of the mode that was left does "
-    )
-    text += "not count"
-    return Block.of(
-        law,
-        "reference",
-        "Set torque from mode, wanted torque and impedance law",
-        constants=(*device.constants("impedance"), *device.constants("domain")),
-        state=(
-            Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
-            around("offset_Nm", law.widest, text),
-            around("tau_set_Nm", law.full_scale, "set torque of the last step"),
-        ),
-        streams=STREAMS,
-    )
+    return Block.of(_Reference(device))
 
 
 def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
@@ -107,6 +94,62 @@ class _Reference:
         # The widest that the law can ask for, and its offset from any measured torque.
         self.widest = threshold(
             1.01 * (2 * self.tau_lim + self.kp_high * angle + 2 * self.kd_high * self.omega_lim)
+        )
+        self.name = "reference"
+        self.title = "Set torque from mode, wanted torque and impedance law"
+        self.constants = (*device.constants("impedance"), *device.constants("domain"))
+        text = "from the law to where the torque was; impedance: "
+        text += "the law of the mode that was left does not count"
+        self.state = (
+            Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
+            around("offset_Nm", self.widest, text),
+            around("tau_set_Nm", self.full_scale, "set torque of the last step"),
+        )
+        self.equations = equations(EQUATIONS, law=IMPEDANCE_LAW)
+        self.streams = STREAMS
+        full = self.full_scale
+        pulls = "stiffness: higher pulls harder to the wanted angle"
+        resists = "damping: higher resists motion other than the wanted one"
+        blends = "time constant from the measured torque to a new law: longer is gentler"
+        soon = "a fifth of a second is felt as smooth and over before a movement is"
+        narrow = "largest |set torque|: may only be narrowed below the identified range"
+        source = "domain.tau_full_scale_Nm"
+        self.tunables = (
+            self.kp.tunable("Kp_Nm_rad", 0.0, self.kp_high, pulls),
+            self.kd.tunable("Kd_Nms_rad", 0.0, self.kd_high, resists),
+            Tunable("blend_s", BLEND_S, BLEND_LOW_S, BLEND_HIGH_S, blends, soon),
+            Tunable("tau_range_Nm", full, 0.01 * full, full, narrow, source, safer="low"),
+        )
+        self.coefficients = (
+            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
+            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
+            Port("keep", 0.0, 1.0, "share of the offset that a step keeps"),
+            Port("tau_range_Nm", 0.0, self.full_scale, "largest |set torque|"),
+        )
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.inputs = (
+            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance (rounded)"),
+            around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
+            Port("theta_desired_rad", low, high, "wanted angle of the joint"),
+            around("omega_desired_rad_s", self.omega_lim, "wanted rate of the joint"),
+            Port("theta_load_rad", low, high, "load side's angle"),
+            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
+            *adapted_inputs(self.device),
+            *impaired_inputs(self.device),
+        )
+        clipped = "the set torque was clipped at tau_range_Nm"
+        self.outputs = (
+            around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
+            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
+            Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
+            status_port(
+                "what is known of this set torque",
+                "an input was NaN or outside its range; the limits latch",
+                "the state was corrupt; the limits latch",
+                Flag("CLIPPED", clipped, True, ("tau_set_Nm",), self.full_scale),
+                Flag("ENTERED", "a law took over in this step, from where the torque was"),
+            ),
         )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
@@ -170,66 +213,6 @@ class _Reference:
             ),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        full = self.full_scale
-        pulls = "stiffness: higher pulls harder to the wanted angle"
-        resists = "damping: higher resists motion other than the wanted one"
-        blends = "time constant from the measured torque to a new law: longer is gentler"
-        soon = "a fifth of a second is felt as smooth and over before a movement is"
-        narrow = "largest |set torque|: may only be narrowed below the identified range"
-        source = "domain.tau_full_scale_Nm"
-        return (
-            self.kp.tunable("Kp_Nm_rad", 0.0, self.kp_high, pulls),
-            self.kd.tunable("Kd_Nms_rad", 0.0, self.kd_high, resists),
-            Tunable("blend_s", BLEND_S, BLEND_LOW_S, BLEND_HIGH_S, blends, soon),
-            Tunable("tau_range_Nm", full, 0.01 * full, full, narrow, source, safer="low"),
-        )
-
-    def coefficients(self) -> tuple[Port, ...]:
-        return (
-            Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
-            Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
-            Port("keep", 0.0, 1.0, "share of the offset that a step keeps"),
-            Port("tau_range_Nm", 0.0, self.full_scale, "largest |set torque|"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
-        return (
-            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance (rounded)"),
-            around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
-            Port("theta_desired_rad", low, high, "wanted angle of the joint"),
-            around("omega_desired_rad_s", self.omega_lim, "wanted rate of the joint"),
-            Port("theta_load_rad", low, high, "load side's angle"),
-            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
-            *adapted_inputs(self.device),
-            *impaired_inputs(self.device),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        clipped = "the set torque was clipped at tau_range_Nm"
-        return (
-            around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
-            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
-            Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
-            status_port(
-                "what is known of this set torque",
-                "an input was NaN or outside its range; the limits latch",
-                "the state was corrupt; the limits latch",
-                Flag("CLIPPED", clipped, True, ("tau_set_Nm",), self.full_scale),
-                Flag("ENTERED", "a law took over in this step, from where the torque was"),
-            ),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        law, offset, h, blend = sp.symbols("tau_law o_k-1 h T_b")
-        text = "offset from where the torque was at the change of mode, fading"
-        return (
-            equation("(5.24), sign of a stiffness", "tau_law", IMPEDANCE_LAW, "impedance law"),
-            equation("[blend]", "tau_set", law + offset * sp.exp(-h / blend), text),
-        )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

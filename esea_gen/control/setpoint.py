@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as ca
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -20,11 +19,8 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.model.filters import triple_pole_gains, triple_pole_ports
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 Kind = Literal["observer", "differences"]
 
@@ -38,16 +34,17 @@ def setpoint_rates(device: DeviceData, kind: Kind = "observer") -> Block:
     """Rate and acceleration of the deflection set-point: observer, or differences as published."""
     if kind not in get_args(Kind):
         raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
-    law = (_SetObserver if kind == "observer" else _Differences)(device)
-    constants = device.constants("timing")
-    return Block.of(law, "setpoint_rates", f"{TITLE}: {law.by}", constants=constants)
+    return Block.of((_SetObserver if kind == "observer" else _Differences)(device))
 
 
 TITLE = "Rate and acceleration of the deflection set-point"
 
 
 class _SetRates:
+    name = "setpoint_rates"
+    by: str
     held: str
+    shown: str
 
     def __init__(self, device: DeviceData) -> None:
         drive = drive_of(device)
@@ -56,16 +53,15 @@ class _SetRates:
         # What the whole motor torque could do to the bare drive, three times over: a larger one is
         # no acceleration that the drive could follow.
         self.acc_lim = threshold(ACCELERATION_ROOM * drive.d4_rad_s2)
-
-    def inputs(self) -> tuple[Port, ...]:
+        self.title = f"{TITLE}: {self.by}"
+        self.constants = device.constants("timing")
+        self.equations = equations(self.shown)
         text = "deflection set-point from the inverse"
-        return (around("theta_set_rad", self.delta_lim, text, on_invalid=self.held),)
-
-    def outputs(self) -> tuple[Port, ...]:
+        self.inputs = (around("theta_set_rad", self.delta_lim, text, on_invalid=self.held),)
         rate, acc = "delta_rate_rad_s", "delta_acc_rad_s2"
         clipped = "the rate, or the memory of the set-point, was clipped"
         fast = "the acceleration was clipped"
-        return (
+        self.outputs = (
             around("delta_set_rad", self.delta_lim, "deflection set-point"),
             around(rate, self.rate_lim, "its rate"),
             around(acc, self.acc_lim, "its acceleration"),
@@ -81,6 +77,12 @@ class _SetRates:
 
 class _SetObserver(_SetRates):
     by, held = "tracking observer", "held_rad"
+    shown = """
+        [set 1] | alpha | 1 - p**3 | position gain; p the pole, q = 1 - p
+        [set 2] | beta | 3/2 * q**2 * (1 + p) / h | rate gain
+        [set 3] | gamma | q**3 / h**2 | acceleration gain
+        [set 4] | delta | delta_p + alpha * e | update
+    """
 
     def __init__(self, device: DeviceData) -> None:
         super().__init__(device)
@@ -88,6 +90,17 @@ class _SetObserver(_SetRates):
         # The transient of a step over the whole range; an output is clipped, the memory is not.
         self.delta_room, self.rate_room = 2 * self.delta_lim, 4 * self.rate_lim
         self.acc_room = threshold(self.rate_room / self.h)
+        text = "bandwidth of the triple pole: higher follows faster, lower smooths the corners"
+        own = min(SETPOINT_BANDWIDTH_HZ, self.high)
+        self.tunables = (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
+        self.coefficients = triple_pole_ports(self.h)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("held_rad", self.delta_lim, "last valid set-point"),
+            around("delta_rad", self.delta_room, "filtered set-point"),
+            around("rate_rad_s", self.rate_room, "its rate"),
+            around("acc_rad_s2", self.acc_room, "its acceleration"),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return triple_pole_gains(t.bandwidth_Hz, self.h)
@@ -121,35 +134,22 @@ class _SetObserver(_SetRates):
         }
         return next_state, outputs
 
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "bandwidth of the triple pole: higher follows faster, lower smooths the corners"
-        own = min(SETPOINT_BANDWIDTH_HZ, self.high)
-        return (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
-
-    def coefficients(self) -> tuple[Port, ...]:
-        return triple_pole_ports(self.h)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("held_rad", self.delta_lim, "last valid set-point"),
-            around("delta_rad", self.delta_room, "filtered set-point"),
-            around("rate_rad_s", self.rate_room, "its rate"),
-            around("acc_rad_s2", self.acc_room, "its acceleration"),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        e, p, q, hs = sp.symbols("e p q h")
-        return (
-            equation("[set 1]", "alpha", 1 - p**3, "position gain; p the pole, q = 1 - p"),
-            equation("[set 2]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "rate gain"),
-            equation("[set 3]", "gamma", q**3 / hs**2, "acceleration gain"),
-            equation("[set 4]", "delta", sp.Symbol("delta_p") + sp.Symbol("alpha") * e, "update"),
-        )
-
 
 class _Differences(_SetRates):
     by, held = "plain differences", "delta_rad"
+    shown = """
+        [set 1] | delta' | (delta_k - delta{k-1}) / h | first difference
+        [set 2] | delta'' | (delta_k - 2 * delta{k-1} + delta{k-2}) / h**2 | second difference
+    """
+
+    def __init__(self, device: DeviceData) -> None:
+        super().__init__(device)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port("moving", 0.0, 1.0, "1 once a rate is known"),
+            around("delta_rad", self.delta_lim, "set-point of the last step"),
+            around("rate_rad_s", self.rate_lim, "rate of the last step"),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         per_s = 1 / self.h
@@ -172,18 +172,3 @@ class _Differences(_SetRates):
             "status": guard.status(ca.fabs(raw) > self.rate_lim, ca.fabs(change) > self.acc_lim),
         }
         return next_state, outputs
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("moving", 0.0, 1.0, "1 once a rate is known"),
-            around("delta_rad", self.delta_lim, "set-point of the last step"),
-            around("rate_rad_s", self.rate_lim, "rate of the last step"),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        d_k, d_1, d_2, hs = (sp.Symbol(n) for n in ("delta_k", "delta_k-1", "delta_k-2", "h"))
-        return (
-            equation("[set 1]", "delta'", (d_k - d_1) / hs, "first difference"),
-            equation("[set 2]", "delta''", (d_k - 2 * d_1 + d_2) / hs**2, "second difference"),
-        )

@@ -7,7 +7,6 @@ the control task gives a stamped command, which the limits in the sensing task t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from esea_gen.control.adaptation import adaptation
@@ -25,11 +24,10 @@ from esea_gen.language.alike import emitted_once
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
-from esea_gen.language.watch import WATCH
 from esea_gen.model.encoder import encoder
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.joint import deflection
-from esea_gen.model.sensing import of_axis
+from esea_gen.model.sensing import AxisParts, instance_of, of_axes
 from esea_gen.observe.disturbance import drive_observer, gear_observer
 from esea_gen.observe.human import extended_state
 from esea_gen.observe.rates import load_rate, motor_rate
@@ -161,15 +159,6 @@ ESTIMATED = {
 }
 
 
-@dataclass(frozen=True)
-class _Axis:
-    sense: Mapping[str, Component]
-    control: Mapping[str, Component]
-    wires: Mapping[str, str]
-    inputs: Mapping[str, tuple[str, ...]]
-    outputs: Mapping[str, str]
-
-
 def control_system(
     device: DeviceData,
     laws: Sequence[Law],
@@ -180,10 +169,8 @@ def control_system(
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)
-    once = emitted_once({**sense, **control})
-    found = {n: once[n] for n in sense}, {n: once[n] for n in control}
-    one = _wired(found, laws, parts)
-    return _of_axes(device, one)
+    one = _wired(emitted_once({**sense, **control}), laws, parts)
+    return _of_axes(device, one, len(sense))
 
 
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
@@ -243,13 +230,7 @@ def _blocks(
     return {n: blocks[n] for n in order}, control
 
 
-def _wired(
-    blocks: tuple[dict[str, Component], dict[str, Component]],
-    laws: Sequence[Law],
-    parts: Sequence[Parts],
-) -> _Axis:
-    sense, control = blocks
-    every = sense | control
+def _wired(every: dict[str, Component], laws: Sequence[Law], parts: Sequence[Parts]) -> AxisParts:
     extras = [extra for name, extra in EXTRAS.items() if name in every]
     inputs, wires, known = dict(INPUTS), dict(WIRES), dict(SIGNALS)
     for extra in extras:
@@ -263,7 +244,7 @@ def _wired(
         signals |= {n: {**known, **part.signals} for n in part.own}
     own, told = _command(laws, parts)
     wires |= own
-    if "law" in control:
+    if "law" in every:
         inputs["law"] = ("law.law",)
     from_outside = {sink for sinks in inputs.values() for sink in sinks}
     for name, block in every.items():
@@ -286,7 +267,7 @@ def _wired(
     for part in parts:
         outputs |= part.outputs
     outputs |= {f"{n}_status": f"{n}.status" for n, b in every.items() if b.status_port}
-    return _Axis(sense, control, wires, inputs, outputs)
+    return AxisParts(every, wires, inputs, outputs)
 
 
 def _command(laws: Sequence[Law], parts: Sequence[Parts]) -> tuple[dict[str, str], dict[str, str]]:
@@ -306,44 +287,24 @@ def _command(laws: Sequence[Law], parts: Sequence[Parts]) -> tuple[dict[str, str
     return wires, {"u_command_Nm": "law.u_command_Nm", "law_held": "law.law_held"}
 
 
-def _of_axes(device: DeviceData, one: _Axis) -> System:
-    def instance(name: str, axis: str) -> str:
-        return f"{name}_{axis}" if axis else name
-
-    def end(signal: str, axis: str) -> str:
-        name, _, port = signal.partition(".")
-        return signal if name == WATCH else f"{instance(name, axis)}.{port}"
-
-    blocks: dict[str, Component] = {}
-    wires: dict[str, str] = {}
-    inputs: dict[str, tuple[str, ...]] = {}
-    outputs: dict[str, str] = {}
-    every_block = {**one.sense, **one.control}
-    open_axes = [a for a in device.axes if "impairment" in every_block and not has_wall(device, a)]
-    open_block = impairment(device, wall=False) if open_axes else None
-    for axis in device.axes:
-        blocks |= {instance(n, axis): b for n, b in every_block.items()}
-        if axis in open_axes and open_block is not None:
-            blocks[instance("impairment", axis)] = open_block
-        wires |= {end(r, axis): end(w, axis) for r, w in one.wires.items()}
-        for name, sinks in one.inputs.items():
-            outer = name if name in SHARED else of_axis(name, axis)
-            inputs[outer] = inputs.get(outer, ()) + tuple(end(s, axis) for s in sinks)
-        outputs |= {of_axis(n, axis): end(s, axis) for n, s in one.outputs.items()}
+def _of_axes(device: DeviceData, one: AxisParts, senses: int) -> System:
+    # The first ``senses`` Blocks of an axis are its sensing task's, the others its control task's.
+    parts = of_axes(device.axes, one, SHARED)
+    if "impairment" in one.blocks:
+        open_axes = [a for a in device.axes if not has_wall(device, a)]
+        names = [instance_of("impairment", a) for a in open_axes]
+        parts.blocks.update(dict.fromkeys(names, impairment(device, wall=False)))
     timing = device.file.timing
     assert timing.control_rate_Hz is not None  # the limits have asked for it
     every = round(timing.sense_rate_Hz.value / timing.control_rate_Hz.value)
     release_s = timing.control_release_s
     release = round(release_s.value / device.period_s) if release_s else None
-
     # A task an axis: each has its own messages, which so stay within a frame.
-    def named(names: Mapping[str, Component], axis: str) -> tuple[str, ...]:
-        return tuple(instance(n, axis) for n in names)
-
-    sense = (Task(instance("sense", a), named(one.sense, a)) for a in device.axes)
+    of = {a: [instance_of(n, a) for n in one.blocks] for a in device.axes}
+    sense = (Task(instance_of("sense", a), tuple(n[:senses])) for a, n in of.items())
     control = (
-        Task(instance("control", a), named(one.control, a), every=every, release=release)
-        for a in device.axes
+        Task(instance_of("control", a), tuple(n[senses:]), every=every, release=release)
+        for a, n in of.items()
     )
     tasks = (*sense, *control)
-    return System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)
+    return System(device.name, device.period_s, parts.blocks, tasks, *parts[1:])

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
     Tunable,
@@ -22,13 +22,8 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from esea_gen.devices.file import DeviceData
 
 # On the standard plant 4 Hz lags by too much at 1.5 Hz (0.15 Nm), 24 Hz gives no more than 16.
 BANDWIDTH_HZ, BANDWIDTH_LOW_HZ = 16.0, 0.5
@@ -55,23 +50,11 @@ FASTEST_HZ = 3.0
 # believed.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
     """Where the wanted torque goes, when only its past is known."""
-    law = _Trend(device, ends_s)
-    return Block.of(
-        law,
-        name,
-        "Wanted torque ahead, from its past",
-        coefficients=(
-            Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
-            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
-        ),
-        inputs=(around("tau_wanted_Nm", law.tau_lim, "wanted torque now", on_invalid="last_Nm"),),
-        equations=_equations(),
-        streams=OwnStreams(_events),
-    )
+    return Block.of(_Trend(device, ends_s, name))
 
 
 class _Trend:
-    def __init__(self, device: DeviceData, ends_s: Sequence[float]) -> None:
+    def __init__(self, device: DeviceData, ends_s: Sequence[float], name: str) -> None:
         drive = drive_of(device)
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
         self.ends_s = tuple(ends_s)
@@ -84,6 +67,51 @@ class _Trend:
         self.noise_lim = threshold(4.04 * self.step_lim)
         # The observer never needs to be farther off than from one end of the range to the other.
         self.miss_lim = threshold(2 * self.step_lim)
+        self.name = name
+        self.title = "Wanted torque ahead, from its past"
+        self.coefficients = (
+            Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
+            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
+        )
+        self.inputs = (
+            around("tau_wanted_Nm", self.tau_lim, "wanted torque now", on_invalid="last_Nm"),
+        )
+        self.equations = equations(EQUATIONS)
+        self.streams = OwnStreams(_events)
+        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
+        sees = "bandwidth without noise: higher sees sooner where it goes"
+        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
+        source = "docs/predictive.md"
+        self.tunables = (
+            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
+            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
+        )
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            around("last_Nm", self.tau_lim, "wanted torque of the last step"),
+            around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
+            around("grown_Nm", self.step_lim, "the same without steps", 2),
+            Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
+            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
+            around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
+            around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
+            around("acc_Nm_s2", self.acc_lim, "its acceleration"),
+        )
+        n = len(self.ends_s)
+        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
+        self.outputs = (
+            *((ahead,) if n else ()),
+            around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
+            around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
+            Port("trust", 0.0, 1.0, "share of both that is believed"),
+            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", "rate or acceleration is at its range", True),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {
@@ -156,46 +184,6 @@ class _Trend:
         }
         return next_state, outputs
 
-    def tunables(self) -> tuple[Tunable, ...]:
-        own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
-        sees = "bandwidth without noise: higher sees sooner where it goes"
-        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
-        source = "docs/predictive.md"
-        return (
-            Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
-            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
-            around("last_Nm", self.tau_lim, "wanted torque of the last step"),
-            around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
-            around("grown_Nm", self.step_lim, "the same without steps", 2),
-            Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
-            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
-            around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
-            around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
-            around("acc_Nm_s2", self.acc_lim, "its acceleration"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        n = len(self.ends_s)
-        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
-        return (
-            *((ahead,) if n else ()),
-            around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
-            around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
-            Port("trust", 0.0, 1.0, "share of both that is believed"),
-            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            status_port(
-                "what is known of it",
-                "the input was NaN or outside its range; the last one counts",
-                "the state was corrupt; started afresh",
-                Flag("CLIPPED", "rate or acceleration is at its range", True),
-            ),
-        )
-
 
 def motion_limits(device: DeviceData) -> tuple[float, float]:
     """Largest rate and acceleration of a wanted torque that are believed."""
@@ -210,20 +198,14 @@ def faded(t_s: float) -> tuple[float, float]:
     return by_rate, FADE_S * (by_rate - t_s * left)
 
 
-def _equations() -> tuple[Equation, ...]:
-    p, q, q0, h, nu, eps = sp.symbols("p q q_0 h nu epsilon")
-    r, a, t, fade = sp.symbols("r a t T_f", positive=True)
-    half = sp.Symbol("nu_h")
-    x = sp.Symbol("x")
-    share = 1 / (1 + (nu / (sp.Integer(10) * half)) ** 2)
-    path = sp.Integral((r + a * x) * sp.exp(-x / fade), (x, 0, t))
-    return (
-        equation("[trend 1]", "q", q0 / (1 + nu / half), "nu: mean second difference; p = 1 - q"),
-        equation("[trend 2]", "epsilon_+", p**3 * eps, "what the observer still misses"),
-        equation("[trend 3]", "r_+", r + h * a + sp.Rational(3, 2) * q**2 * (1 + p) / h * eps, ""),
-        equation("[trend 4]", "a_+", a + q**3 / h**2 * eps, "rate and acceleration"),
-        equation("[trend 5]", "tau(t)", sp.Symbol("tau_d") + share * path, "along the horizon"),
-    )
+EQUATIONS = """
+    [trend 1] | q | q_0 / (1 + nu / nu_h) | nu: mean second difference; p = 1 - q
+    [trend 2] | epsilon_+ | p**3 * epsilon | what the observer still misses
+    [trend 3] | r_+ | r + h * a + 3/2 * q**2 * (1 + p) / h * epsilon |
+    [trend 4] | a_+ | a + q**3 / h**2 * epsilon | rate and acceleration
+    [trend 5] | tau(t) | tau_d + 1 / (1 + (nu / (10 * nu_h))**2) \
+        * Integral((r + a * x) * exp(-x / T_f), (x, 0, t)) | along the horizon
+"""
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

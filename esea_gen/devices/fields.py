@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, Field
@@ -428,48 +428,12 @@ class DeviceFile(Section):
     )
 
 
-def quantities_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Quantity]]:
-    """Every number of a section, with those of its sub-sections."""
-    for key in type(section).model_fields:
-        value = getattr(section, key)
-        if isinstance(value, Quantity):
-            yield prefix + key, value
-        for name, part in _parts(key, value):
-            yield from quantities_of(part, f"{prefix}{name}.")
-
-
-def series_of(section: BaseModel, prefix: str = "") -> Iterator[tuple[str, Series]]:
-    """Every row of numbers of a section, with those of its sub-sections."""
-    for key in type(section).model_fields:
-        value = getattr(section, key)
-        if isinstance(value, Series):
-            yield prefix + key, value
-        for name, part in _parts(key, value):
-            yield from series_of(part, f"{prefix}{name}.")
-
-
-def _parts(key: str, value: Any) -> list[tuple[str, Section]]:
-    # Sub-sections below a key; those of a row are numbered from 0, as in messages.
-    if isinstance(value, tuple):
-        return [(f"{key}[{i}]", v) for i, v in enumerate(value) if isinstance(v, Section)]
-    return [(key, value)] if isinstance(value, Section) else []
-
-
-def models_of(annotation: Any) -> list[type[BaseModel]]:
-    """The models among an annotation and, for an optional one, its members.
-
-    return: the models, :class:`Quantity` and :class:`Series` included.
-    """
-    candidates = [annotation, *get_args(annotation)]
-    return [a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)]
-
-
 def section_at(names: Iterable[str]) -> type[BaseModel] | None:
-    """The section that a path of keys leads to."""
     model: type[BaseModel] = DeviceFile
     for name in names:
         field = model.model_fields.get(name.partition("[")[0])
-        found = [m for m in models_of(field.annotation) if issubclass(m, Section)] if field else []
+        kinds = [field.annotation, *get_args(field.annotation)] if field else []
+        found = [k for k in kinds if isinstance(k, type) and issubclass(k, Section)]
         if not found:
             return None
         model = found[0]

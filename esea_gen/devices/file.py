@@ -16,15 +16,71 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from esea_gen.devices.checks import check_content
 from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
-from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, DeviceFile, quantities_of
-from esea_gen.devices.numbers import Quantity, Section, Series
+from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, SCHEMA, DeviceFile
+from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of
 from esea_gen.devices.rubber import Elastomer
-from esea_gen.devices.writing import render_toml
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
+
+
+def render_toml(file: DeviceFile) -> str:
+    lines = [
+        "# Device file of esea-gen.  A number is a value in the unit of its key's suffix, a status",
+        "# (published, identified or assumed) and its source.  Reports show the assumed ones.",
+        f"schema = {SCHEMA}",
+        f"name = {json.dumps(file.name)}",
+        f"title = {json.dumps(file.title, ensure_ascii=False)}",
+    ]
+    for key, names in (("axes", file.axes), ("laws", file.laws)):
+        if names:
+            about = DeviceFile.model_fields[key].description
+            lines += [f"# {about}", f"{key} = {json.dumps(list(names))}"]
+
+    def section(name: str, model: BaseModel, first: bool = True, row: bool = False) -> None:
+        # Of a row of sections the first one has the comments.
+        about = [f"# {(type(model).__doc__ or '').strip()}"] if first else []
+        lines.extend(["", *about, f"[[{name}]]" if row else f"[{name}]"])
+        subsections = []
+        for key, f in type(model).model_fields.items():
+            value = getattr(model, key)
+            extra: Any = f.json_schema_extra
+            limits = f"Limits {extra['low']:g} to {extra['high']:g}." if extra else ""
+            if value is None and extra and not row:
+                lines.append(f"# Optional, {key}: {f.description}  {limits}")
+            if isinstance(value, Quantity | Series):
+                if isinstance(value, Series):
+                    content = f"values = {[float(v) for v in value.values]!r}"
+                else:
+                    content = f"value = {int(value.value) if extra['whole'] else value.value!r}"
+                lines.extend([f"# {f.description}  {limits}"] if first else [])
+                lines.append(
+                    f"{key} = {{ {content}, status = {json.dumps(value.status)}, "
+                    f"source = {json.dumps(value.source, ensure_ascii=False)} }}"
+                )
+            elif isinstance(value, str):
+                lines.extend([f"# {f.description}"] if first else [])
+                lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
+            elif isinstance(value, BaseModel):
+                subsections.append((f"{name}.{key}", value, True, False))
+            elif isinstance(value, tuple) and any(isinstance(v, str) for v in value):
+                lines.extend([f"# {f.description}"] if first else [])
+                lines.append(f"{key} = {json.dumps(list(value))}")
+            elif isinstance(value, tuple):
+                subsections += [(f"{name}.{key}", v, not i, True) for i, v in enumerate(value)]
+        for sub in subsections:
+            section(*sub)
+
+    for key in DeviceFile.model_fields:
+        value = getattr(file, key)
+        if isinstance(value, Section):
+            section(key, value)
+    return "\n".join(lines) + "\n"
+
 
 TORQUE_MODELS = ("elastomer", "family")  # one of the two
 SERIES_FORM = '{ values = [0.0, 0.001, 0.0, -0.001], status = "identified", source = "where from" }'
@@ -85,7 +141,7 @@ class DeviceData:
 
     def quantities(self) -> Iterator[tuple[str, Quantity]]:
         """Every number of the file as (dotted key, quantity), in file order."""
-        yield from quantities_of(self.file)
+        return ((k, q) for k, q, _ in numbers_of(self.file) if isinstance(q, Quantity))
 
     def constants(self, section: str) -> tuple[Constant, ...]:
         return tuple(
@@ -101,7 +157,6 @@ class DeviceData:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of :meth:`canonical`, hexadecimal."""
         return hashlib.sha256(self.canonical().encode()).hexdigest()
 
     def toml(self) -> str:
@@ -109,13 +164,11 @@ class DeviceData:
 
 
 def shipped_devices() -> dict[str, Path]:
-    """Device files that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 
 
 def read_file(name_or_path: str | Path) -> tuple[str, str]:
-    """Text of a device file."""
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
@@ -128,7 +181,6 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
 
 
 def shipped_controllers() -> dict[str, Path]:
-    """Configurations of control laws that come with the package, by name."""
     folder = resources.files("esea_gen") / "devices" / "controllers"
     return {Path(str(p)).stem: Path(str(p)) for p in folder.iterdir() if p.name.endswith(".toml")}
 
@@ -256,20 +308,9 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 
-    def assumed(section: Section) -> Section:
-        update: dict[str, Any] = {}
-        for key in type(section).model_fields:
-            value = getattr(section, key)
-            if isinstance(value, Quantity | Series):
-                source = f"copied from {base.name}: {value.source}"
-                update[key] = value.model_copy(update={"status": "assumed", "source": source})
-            elif isinstance(value, Section):
-                update[key] = assumed(value)
-            elif isinstance(value, tuple):
-                update[key] = tuple(assumed(v) if isinstance(v, Section) else v for v in value)
-        return section.model_copy(update=update)
+    def assumed(number: Quantity | Series) -> Quantity | Series:
+        source = f"copied from {base.name}: {number.source}"
+        return number.model_copy(update={"status": "assumed", "source": source})
 
     title = f"{name}: new device, all numbers copied from {base.name}"
-    file = assumed(base.file.model_copy(update={"name": name, "title": title}))
-    assert isinstance(file, DeviceFile)
-    return file
+    return changed(base.file.model_copy(update={"name": name, "title": title}), assumed)

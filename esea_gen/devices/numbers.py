@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from esea_gen.errors import UserError
 from esea_gen.language.ports import Constant, Tunable
 
 
@@ -57,12 +59,10 @@ def number(low: float, high: float, text: str, *, whole: bool = False, **more: A
 
 
 def optional(low: float, high: float, text: str, *, whole: bool = False) -> Any:
-    """A number that may be left out."""
     return number(low, high, text, whole=whole, default=None)
 
 
 def table(text: str) -> Any:
-    """A table that may be left out."""
     return Field(default=None, description=text)
 
 
@@ -75,3 +75,51 @@ class Section(BaseModel):
     """A table of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+S = TypeVar("S", bound=Section)
+Facts = dict[str, Any]  # of a number: low, high, whole and text; sizes of a row
+
+
+def numbers_of(
+    section: BaseModel, prefix: str = ""
+) -> Iterator[tuple[str, Quantity | Series, Facts]]:
+    """Every number of a section and of those below it: dotted key, number, facts."""
+    for key, field in type(section).model_fields.items():
+        value = getattr(section, key)
+        if isinstance(value, Quantity | Series):
+            extra: Any = field.json_schema_extra
+            yield prefix + key, value, {**extra, "text": field.description}
+        # The elements of a row are numbered from 0, as in messages.
+        row = isinstance(value, tuple | list)
+        parts = {f"{key}[{i}]": v for i, v in enumerate(value)} if row else {key: value}
+        for name, part in parts.items():
+            if isinstance(part, BaseModel) and not isinstance(part, Quantity | Series):
+                yield from numbers_of(part, f"{prefix}{name}.")
+
+
+def changed(section: S, change: Callable[[Quantity | Series], Quantity | Series]) -> S:
+    """A section with every number changed, those below it too."""
+
+    def of(value: Any) -> Any:
+        if isinstance(value, Quantity | Series):
+            return change(value)
+        if isinstance(value, Section):
+            return changed(value, change)
+        return tuple(map(of, value)) if isinstance(value, tuple) else value
+
+    return section.model_copy(
+        update={k: of(getattr(section, k)) for k in type(section).model_fields}
+    )
+
+
+def beyond(key: str, value: float, facts: Facts, unit: str = "") -> UserError | None:
+    """The error for a number outside its bounds."""
+    low, high = facts["low"], facts["high"]
+    if low <= value <= high:
+        return None
+    side, limit = ("below", low) if value < low else ("above", high)
+    return UserError(
+        f"{key} = {value:g}{unit} is {side} its limit {limit:g}{unit} ({facts['text']})",
+        f"Give a value from {low:g} to {high:g}{unit}.",
+    )

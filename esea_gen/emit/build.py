@@ -27,28 +27,16 @@ FURTHER_FORMATS = {"elbow_drive": ("q31",)}
 
 @dataclass(frozen=True)
 class Bundle:
-    """One folder of output: its files in memory.
+    """One folder of output: its files in memory."""
 
-    Parameters
-    ----------
-    folder : str
-        Name below the device's output folder: a number format, or ``dialect``.
-    files : dict of str to str
-        Relative path to text, manifest included.
-    """
-
-    folder: str
-    files: dict[str, str]
+    folder: str  # below the device's output folder: a number format, or ``dialect``
+    files: dict[str, str]  # by relative path, the manifest among them
 
 
 def device_hash(device: Device, real: str = "") -> str:
     """Content hash of a device file, its emitted text and versions: 16 hexadecimal digits.
 
-    Parameters
-    ----------
-    device : Device
-    real : str
-        A number format outside the default ones: its text is covered too.
+    real: a number format outside the default ones, whose text is covered too.
     """
     formats = dict.fromkeys([*DEFAULT_FORMATS, real] if real else DEFAULT_FORMATS)
     return _hash_once(device.system, device.digest, device.title, tuple(formats))
@@ -61,23 +49,12 @@ def _hash_once(system: System, digest: str, title: str, formats: tuple[str, ...]
 
 
 def format_hash(device: Device, real: str) -> str:
-    """Content hash that the files of a number format carry.
-
-    Parameters
-    ----------
-    device : Device
-    real : str
-    """
+    """Content hash that the files of a number format carry."""
     return device_hash(device) if FORMATS[real].default else device_hash(device, real)
 
 
 def build_command(device: Device) -> str:
-    """The command that regenerates a device's output.
-
-    Parameters
-    ----------
-    device : Device
-    """
+    """The command that regenerates a device's output."""
     law = f" --controller {device.controller}" if device.controller else ""
     return f"esea-gen build {device.name if _is_shipped(device) else device.origin}{law}"
 
@@ -87,29 +64,13 @@ def _is_shipped(device: Device) -> bool:
 
 
 def device_formats(device: Device) -> list[str]:
-    """Number formats that a device is built in where none is named.
-
-    Parameters
-    ----------
-    device : Device
-    """
+    """Number formats that a device is built in where none is named."""
     further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
     return [*DEFAULT_FORMATS, *further]
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
-    """Render a device's output folders in memory.
-
-    Parameters
-    ----------
-    device : Device
-    reals : iterable of str
-
-    Raises
-    ------
-    UserError
-        For an unknown number format.
-    """
+    """Render a device's output folders in memory."""
     bundles = []
     for real in reals:
         choose("number format", real, FORMATS)
@@ -131,22 +92,7 @@ def manifest(
     files: Mapping[str, str],
     more_versions: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
-    """The file that says what a folder of output is and what it holds.
-
-    Parameters
-    ----------
-    device : Device
-    digest : str
-        Content hash that the files carry.
-    kind : str
-        What the folder is: a number format, ``dialect``, or a form of export.
-    command : str
-        The command that writes it.
-    files : mapping of str to str
-        Relative path to text.
-    more_versions : mapping, optional
-        Of what else the bytes depend on.
-    """
+    """The file that says what a folder of output is (``kind``) and what it holds."""
     content: dict[str, Any] = {
         "device": device.name,
         "kind": kind,
@@ -160,20 +106,7 @@ def manifest(
 
 
 def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
-    """Write output folders, each whole or not at all.
-
-    Parameters
-    ----------
-    bundles : list of Bundle
-        What to write.
-    out : Path
-        The device's output folder.
-
-    Raises
-    ------
-    UserError
-        When a folder holds something that is not ours, or cannot be written; nothing is changed.
-    """
+    """Write output folders, each whole or not at all."""
     for bundle in bundles:
         _refuse_foreign(out / bundle.folder)
     written = []
@@ -213,15 +146,7 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def differences(bundles: list[Bundle], out: Path) -> list[str]:
-    """Unified diffs between what would be written and what is there.
-
-    Parameters
-    ----------
-    bundles : list of Bundle
-        What would be written.
-    out : Path
-        The device's output folder.
-    """
+    """Unified diffs between what would be written and what is there."""
     found = []
     for bundle in bundles:
         folder = out / bundle.folder

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Any
 
@@ -38,6 +38,14 @@ class Bound:
     states: dict[str, float]
     method: str  # ``fixed point``, ``linear`` or ``one step``
     assumptions: tuple[str, ...]  # decisions taken as equal; inputs taken as whole numbers
+
+    def with_errors_of(self, other: Bound) -> Bound:
+        """Against what itself errs by another bound."""
+        return replace(
+            self,
+            outputs={k: v + other.outputs[k] for k, v in self.outputs.items()},
+            states={k: v + other.states[k] for k, v in self.states.items()},
+        )
 
 
 def counts(port: Port) -> bool:

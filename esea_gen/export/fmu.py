@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from esea_gen.emit.render import versions
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_gen.export.model import ExportedModel
 from esea_gen.files import read_whole, template_folder
 from esea_gen.hostlib.compiler import compile_sources
@@ -67,7 +67,9 @@ def exponents(unit: str) -> dict[str, int]:
 
 
 def _headers(fmi: Version) -> dict[str, str]:
-    folder = template_folder() / "export" / "fmi"
+    # The standard's own, as FMPy carries them: to compile with, and no part of an FMU.
+    package = from_extra("fmpy", "fmu", "An FMU")
+    folder = Path(str(package.__file__)).parent / "c-code"
     return {p.name: p.read_text(encoding="utf-8") for p in sorted(folder.glob(f"fmi{fmi}*.h"))}
 
 

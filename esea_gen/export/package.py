@@ -15,7 +15,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.export.library import FORMS, library_files
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool, write_texts
 from esea_gen.targets import CONTROL_FLAGS, SECTION_FLAGS, find_board
 
 # Only what is declared in the header can be called.
@@ -31,8 +31,7 @@ def build_flat_library(device: Device, board: str, out: Path) -> tuple[Path, dic
     target = out / f"lib{bundle.folder}.so"
     with tempfile.TemporaryDirectory(prefix="esea-flat-") as scratch:
         folder = Path(scratch)
-        for name, text in bundle.files.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, bundle.files)
         sources = sorted(n for n in bundle.files if n.endswith(".c"))
         flags = (*chosen.processor.flags, *CONTROL_FLAGS, *_LIBRARY)
         command = [gcc, *flags, *sources, *_LINK, f"-Wl,-soname,{target.name}", "-o", target.name]

@@ -48,6 +48,14 @@ def run_tool(
     return done
 
 
+def write_texts(folder: Path, files: Mapping[str, str]) -> None:
+    """Write files by their relative paths."""
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
 def compile_sources(
     files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = ()
 ) -> Path:
@@ -61,10 +69,7 @@ def compile_sources(
     if target.is_file():
         return target
     with tempfile.TemporaryDirectory() as scratch:
-        for name, text in files.items():
-            path = Path(scratch) / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+        write_texts(Path(scratch), files)
         built = Path(scratch) / "library.so"
         units = _units(files, Path(scratch))
         done = run_tool([*command, f"-I{scratch}", *units, "-o", built, *link])
@@ -94,10 +99,8 @@ def _units(files: Mapping[str, str], folder: Path) -> list[str]:
         if name.endswith(".c") and name != "main.c":
             own = re.search(r'^#include "(\S+_real)\.h"', files[name], re.MULTILINE)
             units.setdefault(f"{own[1]}.unit.c" if own else name, []).append(name)
-    for unit, names in units.items():
-        if unit not in files:
-            text = "".join(f'#include "{name}"\n' for name in names)
-            (folder / unit).write_text(text, encoding="utf-8")
+    joined = {u: n for u, n in units.items() if u not in files}
+    write_texts(folder, {u: "".join(f'#include "{x}"\n' for x in n) for u, n in joined.items()})
     return [str(folder / unit) for unit in units]
 
 

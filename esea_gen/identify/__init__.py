@@ -3,9 +3,13 @@
 from esea_gen.identify.identification import Identification, identify
 from esea_gen.identify.recording.cycles import Cycle, DataSet
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping, parse_mapping
-from esea_gen.identify.recording.reading import load_recordings
+from esea_gen.identify.recording.reading import (
+    Replay,
+    load_recordings,
+    recorded_deflections,
+    recordings_for,
+)
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.replay import Replay, recorded_deflections, recordings_for
 from esea_gen.identify.recording.tables import Mapping
 from esea_gen.identify.verdict import Verdict, judge
 

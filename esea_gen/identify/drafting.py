@@ -1,4 +1,4 @@
-"""The identified device, number by number: ranges, parameters, sources."""
+"""A fit to recordings, and the identified device number by number: ranges, parameters, sources."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing, Velocity
+from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
-from esea_gen.devices.writing import render_toml
-from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import EPS2_DEFAULT, at_bound, with_parameters
-from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.published.fit import Fit, Progress, search
+from esea_gen.identify.published.plant import FittedPlant, Uncertainty
+from esea_gen.identify.published.search_problem import Searching
+from esea_gen.identify.published.space import EPS2_DEFAULT, Space, at_bound, place_of
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.reading import MAX_TAU_NM, MAX_THETA_RAD
 from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.elastomer import RATE_KEYS
 
 # Rate of a search or a fit on recordings with time, where the mapping gives none.
@@ -154,11 +156,13 @@ def fitted_device(
     """The template with the fitted parameters and a torque limit that holds the model."""
     file = template.file
     where = origin_of(source, files_of(recordings))
-    found = {k: Quantity(value=v, status="identified", source=where) for k, v in fit.values.items()}
-    elastomer = with_parameters(template.elastomer, found)
+    found = {
+        place_of(k): Quantity(value=v, status="identified", source=where)
+        for k, v in fit.values.items()
+    }
     v, theta = fit.values, file.limits.theta_rad.value
     spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
-    radii = [v["omega_rad"] * (i + 1) for i in range(int(elastomer.stops.value))]
+    radii = [v["omega_rad"] * (i + 1) for i in range(int(template.elastomer.stops.value))]
     stops = sum(
         v["alpha_Nm_rad"] * math.exp(-v["beta_1_rad"] * r) * min(r, 2 * theta) for r in radii
     )
@@ -170,11 +174,7 @@ def fitted_device(
             status="assumed",
             source="the model's torque at the deflection limit",
         )
-    update = {
-        "elastomer": elastomer,
-        "limits": file.limits.model_copy(update={"tau_Nm": limit}),
-    }
-    return Device(file.model_copy(update=update), template.origin)
+    return with_numbers(template, found | {"limits.tau_Nm": limit})
 
 
 def sourced_device(
@@ -198,11 +198,49 @@ def sourced_device(
         return f"{where}; standard deviation {sigma:.2g}{period}"
 
     found = {
-        k: Quantity(
+        place_of(k): Quantity(
             value=v, status="assumed" if k in doubtful else "identified", source=describe(k)
         )
         for k, v in fit.values.items()
     }
-    elastomer = with_parameters(device.elastomer, found)
-    file = device.file.model_copy(update={"elastomer": elastomer})
+    file = with_numbers(device, found).file
     return parse_device(render_toml(file), f"{file.name}.toml")
+
+
+def searched(
+    source: MappingFile, template: Device, recordings: Sequence[Recording]
+) -> tuple[Space, float | None]:
+    """What is searched, and the rate of the search; the recordings' own without rate terms."""
+    rate_terms = template.elastomer.maxwell is not None
+    rate = None
+    if rate_terms:
+        fine = source.mapping.device.sense_rate_Hz.value
+        rate = grid_rate(source)
+        rate = fine / max(1, round(fine / rate))
+    space = Space(
+        rate_terms,
+        template.file.domain.theta_max_rad.value,
+        template.file.domain.omega_max_rad_s.value,
+        max(float(r.time_s[-1]) for r in recordings),
+    )
+    return space, rate
+
+
+def fit_split(
+    source: MappingFile,
+    recordings: list[Recording],
+    template: Device,
+    tell: Progress,
+    how: Searching | None = None,
+) -> tuple[Fit, FittedPlant, Device, Verdict]:
+    """Search the thesis' parameters on the training samples, and judge the device's C."""
+    space, rate = searched(source, template, recordings)
+    asked = source.mapping.search
+    fit = search(template, recordings, space, rate, tell, asked.seed, asked.population, how)
+    if fit.rate_dropped:
+        template = draft(source, recordings, False)
+    device = fitted_device(source, recordings, template, fit, 0.0)
+    plant = FittedPlant(template, recordings, None if rate is None or fit.rate_dropped else rate)
+    verdict = judge(device, recordings)
+    device = fitted_device(source, recordings, template, fit, verdict.largest_rate_Nm)
+    return fit, plant, device, verdict

@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from esea_gen.device import Device
-from esea_gen.identify.drafting import draft, fitted_device, grid_rate, sourced_device
-from esea_gen.identify.identified import Identified
+from esea_gen.identify.drafting import draft, fit_split, searched, sourced_device
+from esea_gen.identify.identified import Identified, excused_of, gate_notes, gated
 from esea_gen.identify.notes import band_notes, notes_of
-from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels, search
-from esea_gen.identify.published.parameters import at_bound, bounds_of
-from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels
+from esea_gen.identify.published.plant import Uncertainty, uncertainty
 from esea_gen.identify.published.search_problem import Searching
-from esea_gen.identify.published.space import Space
-from esea_gen.identify.published.uncertainty import Uncertainty, uncertainty
+from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.channels import settled
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.quality_gate import excused_of, gate_notes, gated
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.verdict import Verdict, judge
-from esea_gen.identify.worth import worth_of
+from esea_gen.identify.verdict import Verdict, worth_of
 from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 
@@ -182,63 +176,5 @@ def _channel_model(
 ) -> PublishedChannels:
     template = draft(source, recordings, source.mapping.device.rate_terms)
     asked = source.mapping.search
-    space, rate = _searched(source, template, recordings)
+    space, rate = searched(source, template, recordings)
     return PublishedChannels(template, space, rate, asked.seed, asked.population, how)
-
-
-def _searched(
-    source: MappingFile, template: Device, recordings: Sequence[Recording]
-) -> tuple[Space, float | None]:
-    """What is searched, and the rate of the search; the recordings' own without rate terms."""
-    rate_terms = template.elastomer.maxwell is not None
-    rate = None
-    if rate_terms:
-        fine = source.mapping.device.sense_rate_Hz.value
-        rate = grid_rate(source)
-        rate = fine / max(1, round(fine / rate))
-    space = Space(
-        rate_terms,
-        template.file.domain.theta_max_rad.value,
-        template.file.domain.omega_max_rad_s.value,
-        max(float(r.time_s[-1]) for r in recordings),
-    )
-    return space, rate
-
-
-def fit_split(
-    source: MappingFile,
-    recordings: list[Recording],
-    template: Device,
-    tell: Progress,
-    how: Searching | None = None,
-) -> tuple[Fit, FittedPlant, Device, Verdict]:
-    """Search the thesis' parameters on the training samples, and judge the device's C.
-
-    Parameters
-    ----------
-    source : MappingFile
-        What was asked.
-    recordings : list of Recording
-        Divided into training and held-out samples.
-    template : Device
-        Ranges, and whether there are rate terms.
-    tell : callable
-        As ``progress`` of :func:`identify`.
-    how : Searching, optional
-        As in :func:`identify`.
-
-    Returns
-    -------
-    tuple of Fit, FittedPlant, Device, Verdict
-        Parameters, what they were fitted with, the device, its errors.
-    """
-    space, rate = _searched(source, template, recordings)
-    asked = source.mapping.search
-    fit = search(template, recordings, space, rate, tell, asked.seed, asked.population, how)
-    if fit.rate_dropped:
-        template = draft(source, recordings, False)
-    device = fitted_device(source, recordings, template, fit, 0.0)
-    plant = FittedPlant(template, recordings, None if rate is None or fit.rate_dropped else rate)
-    verdict = judge(device, recordings)
-    device = fitted_device(source, recordings, template, fit, verdict.largest_rate_Nm)
-    return fit, plant, device, verdict

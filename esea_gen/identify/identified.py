@@ -1,8 +1,12 @@
-"""What every identification gives: a device, its errors, its file."""
+"""What every identification gives: a device, its errors, its file.
+
+The gate: what recordings must be free of before a device's torque model is called ``identified``.
+"""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,22 +14,77 @@ from typing import Any
 import numpy as np
 
 from esea_gen.device import Device, parse_device
+from esea_gen.devices.file import render_toml
+from esea_gen.devices.numbers import Quantity, Series, changed
 from esea_gen.errors import UserError
 from esea_gen.files import plain, write_whole
 from esea_gen.identify.recording.channels import ChannelNumber
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.recorded import Recording, recording_rows
-from esea_gen.identify.verdict import Verdict
-from esea_gen.identify.worth import TorqueWorth
+from esea_gen.identify.verdict import TorqueWorth, Verdict
 from esea_gen.language.ports import Array
+
+
+def _stopping(recordings: Sequence[Recording], excused: Collection[str]) -> list[str]:
+    kinds = [f.kind for r in recordings for f in r.findings if f.stops and f.kind not in excused]
+    return list(dict.fromkeys(kinds))
+
+
+def excused_of(device: Device) -> set[str]:
+    """Kinds of findings that a device's model has a term for."""
+    family, elastomer = device.file.family, device.file.elastomer
+    zone = None if elastomer is None else elastomer.dead_zone_rad
+    # A dead zone is what the gate would otherwise take for backlash, too.
+    found = {"backlash"} if zone is not None and zone.value else set()
+    if family is not None and any(t.kind == "offset" for t in family.terms):
+        found.add("offset")
+    return found
+
+
+def gated(device: Device, recordings: Sequence[Recording]) -> Device:
+    """The device; where a recording is not sound, its torque model is assumed, not identified."""
+    kinds = _stopping(recordings, excused_of(device))
+    if not kinds:
+        return device
+    why = f"not identified, the recording has: {', '.join(kinds)}; "
+
+    def doubted(number: Quantity | Series) -> Quantity | Series:
+        if isinstance(number, Series) or number.status != "identified":
+            return number
+        return number.model_copy(update={"status": "assumed", "source": why + number.source})
+
+    file = device.file
+    models = {k: getattr(file, k) for k in ("elastomer", "family")}
+    update = {k: changed(v, doubted) for k, v in models.items() if v is not None}
+    return parse_device(render_toml(file.model_copy(update=update)), device.origin)
+
+
+def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
+    """What was found, recording by recording, and whether the gate is shut."""
+    labels: dict[str, list[str]] = {}
+    for r in recordings:
+        for f in r.findings:
+            text = f.text if f.kind in excused else f.text + f.advice
+            labels.setdefault(text, []).append(r.label)
+    notes = [
+        f"Quality, {'all' if 1 < len(recordings) == len(at) else ', '.join(at)}: {text}."
+        for text, at in labels.items()
+    ]
+    kinds = _stopping(recordings, excused)
+    if kinds:
+        notes.insert(
+            0,
+            f"Quality gate: {', '.join(kinds)}. The torque model's numbers are marked assumed, not "
+            "identified.",
+        )
+    return tuple(notes)
+
 
 MARK = "# Written by esea-gen identify."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identified:
-    """Result of an identification, whatever the model."""
-
     device: Device  # identified device, its parameters of status identified
     source: MappingFile
     recordings: tuple[Recording, ...]
@@ -37,7 +96,6 @@ class Identified:
 
     @property
     def full_scale_Nm(self) -> float:
-        """Torque that counts as 100 %."""
         return self.device.tau_full_scale_Nm
 
     @property
@@ -60,7 +118,6 @@ class Identified:
         return out
 
     def to_dict(self) -> dict[str, Any]:
-        """Report, JSON-ready and the same for the same input."""
         q = dict(self.device.quantities())
         channels = {"channels": [n.to_dict() for n in self.channels]} if self.channels else {}
         return channels | {
@@ -78,7 +135,6 @@ class Identified:
         }
 
     def errors(self, verdict: Verdict) -> dict[str, Any]:
-        """Errors of a verdict, JSON-ready."""
         sets = [
             {
                 "label": s.label,

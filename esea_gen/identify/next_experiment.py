@@ -22,8 +22,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify.identification import Identification
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import free_keys, relative_jacobian
+from esea_gen.identify.published.plant import FittedPlant, free_keys, relative_jacobian
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
@@ -49,7 +48,6 @@ class CommandedMotion:
 
     @property
     def text(self) -> str:
-        """What to do, for people."""
         deg, lasts = math.degrees(self.amplitude_rad), self.seconds - REST_s
         rest = f"rest {REST_s:g} s, then"
         if self.kind == "hold":
@@ -124,12 +122,10 @@ class Advice:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         steps = [{"times": n} | asdict(m) | {"text": m.text} for n, m in self.motions]
         return asdict(self) | {"motions": steps, "notes": list(self.notes)}
 
     def table(self) -> list[str]:
-        """The protocol."""
         minutes = sum(n * m.seconds for n, m in self.motions) / 60
         lines = [f"{self.title}: what to record next, {minutes:.1f} min"]
         for i, (times, m) in enumerate(self.motions, 1):

@@ -10,17 +10,17 @@ import numpy as np
 from esea_gen.devices.rubber import LEAST_FACTOR
 from esea_gen.identify.drafting import largest_torque, scales_assumed
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import at_bound
-from esea_gen.identify.published.uncertainty import Uncertainty
-from esea_gen.identify.recording.mapping import MappingFile
-from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.resampling import LeftOut, covered
-from esea_gen.identify.recording.temperatures import (
+from esea_gen.identify.published.plant import Uncertainty
+from esea_gen.identify.published.space import at_bound
+from esea_gen.identify.recording.conditions import (
     LEAST_APART_K,
     at_edge,
     far_apart,
     temperatures_of,
 )
+from esea_gen.identify.recording.mapping import MappingFile
+from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered
 from esea_gen.identify.verdict import Verdict
 from esea_gen.model.family import FittedMember
 from esea_gen.model.temperature import TemperatureFactor

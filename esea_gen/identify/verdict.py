@@ -1,19 +1,24 @@
-"""What the device's C makes of recordings."""
+"""What the device's C makes of recordings, and what its torque is worth.
+
+The worth is by class of torque and rate, the measured ones: the half width that holds 95 % of the
+errors in blocks left out (``recording.resampling``), and how many held-out samples lie in it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.identify.recording.misfit import Misfits
 from esea_gen.identify.recording.reading import resample
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording
+from esea_gen.identify.recording.resampling import LeftOut, covered, half_width_Nm
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System
 from esea_gen.model.family_sensor import TEMPERATURE
@@ -22,18 +27,6 @@ from esea_gen.model.sensing import sensing_system
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the device's C makes of the recordings.
-
-    Parameters
-    ----------
-    misfits : Misfits
-        Torque errors of every data set, in training and held out.
-    torque_Nm, omega_rad_s : dict of str to ndarray
-        Model torque and rate of the deflection at the samples of each recording.
-    largest_rate_Nm : float
-        Largest |torque| of the Maxwell element.
-    """
-
     misfits: Misfits
     torque_Nm: dict[str, Array]
     omega_rad_s: dict[str, Array]
@@ -43,27 +36,7 @@ class Verdict:
 def temperature_tunables(
     device: Device, system: System, recording: Recording
 ) -> dict[str, dict[str, float]]:
-    """What a recording's temperature sets in a System, by instance.
-
-    Parameters
-    ----------
-    device : Device
-        For messages.
-    system : System
-        Of that device.
-    recording : Recording
-        Data.
-
-    Returns
-    -------
-    dict
-        Empty where the torque model has no factor of temperature, or none was recorded.
-
-    Raises
-    ------
-    UserError
-        For a temperature outside the range in which the factor holds.
-    """
+    """What a recording's temperature sets in a System, by instance."""
     known = [(i, t) for i, t in system.tunables if t.name == TEMPERATURE]
     wanted = recording.temperature_C
     if wanted is None or not known:
@@ -83,18 +56,6 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
 
     The sensor is given the deflection as it was recorded, as in the fit: it does not come in
     counts of the device's encoders, and is not smoothed.
-
-    Parameters
-    ----------
-    device : Device
-        What is judged: its velocity estimate and torque sensor, at its own rate.
-    recordings : iterable of Recording
-        Data; the deflection is interpolated linearly to the device's rate.
-
-    Returns
-    -------
-    Verdict
-        Errors by data set, model torque by recording.
     """
     system = sensing_system(device, device.velocity, device.sensor, counts=False)
     task = compile_system(system, "f64").task("sense")
@@ -111,3 +72,104 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
         largest = max(largest, float(np.abs(out["tau_rate_Nm"]).max()))
         errors.append((r, model - r.tau_Nm))
     return Verdict(Misfits.of("Nm", errors), torque, omega, largest)
+
+
+TORQUE_EDGES = (0.0, 0.05, 0.25, 0.5, 0.75, 1.0, math.inf)  # of full scale
+RATE_EDGES = (0.0, 0.05, 0.35, 1.0, math.inf)  # of the identified domain's largest rate
+LEAST = 20  # of fewer samples there is no 95 %
+
+
+@dataclass(frozen=True)
+class JudgedSamples:
+    error_Nm: Array  # shape (n,); the rate is None where time was not recorded
+    torque_Nm: Array
+    omega_rad_s: Array | None
+    weight: Array  # how much each counts; squared, shape (n,)
+
+
+@dataclass(frozen=True)
+class TorqueWorth:
+    """One class of torque and rate; None stands for all."""
+
+    torque: str | None  # of full scale, and of the identified domain's largest rate
+    rate: str | None
+    band_Nm: float | None  # holds 95 % of the errors; None: too few
+    samples: int  # in blocks left out
+    held_out: int  # samples that no fit has seen
+    held_out_inside: float | None  # share within the band
+
+
+def label(edges: Sequence[float], i: int) -> str:
+    if math.isinf(edges[i + 1]):
+        return f"> {100 * edges[i]:g} %"
+    return f"{100 * edges[i]:g}-{100 * edges[i + 1]:g} %"
+
+
+def torque_worth(
+    left_out: JudgedSamples,
+    held_out: JudgedSamples,
+    full_scale_Nm: float,
+    omega_max_rad_s: float,
+) -> tuple[TorqueWorth, ...]:
+    """Every class of torque at every rate, and at all of them."""
+    # Without rates only the classes of torque.
+    rates: list[int | None] = [None]
+    if left_out.omega_rad_s is not None:
+        rates += range(len(RATE_EDGES) - 1)
+    torques: list[int | None] = [None, *range(len(TORQUE_EDGES) - 1)]
+
+    def chosen(of: JudgedSamples, i: int | None, j: int | None) -> npt.NDArray[np.bool_]:
+        found = np.ones(len(of.error_Nm), dtype=bool)
+        if i is not None:
+            found &= _class(of.torque_Nm / full_scale_Nm, TORQUE_EDGES) == i
+        if j is not None and of.omega_rad_s is not None:
+            found &= _class(of.omega_rad_s / omega_max_rad_s, RATE_EDGES) == j
+        return found
+
+    out = []
+    for i in torques:
+        for j in rates:
+            fit, unseen = chosen(left_out, i, j), chosen(held_out, i, j)
+            n, held, band, inside = int(fit.sum()), int(unseen.sum()), None, None
+            if n >= LEAST:
+                band = half_width_Nm(left_out.error_Nm[fit], left_out.weight[fit])
+                inside = covered(held_out.error_Nm[unseen], band) if held >= LEAST else None
+            names = (
+                None if i is None else label(TORQUE_EDGES, i),
+                None if j is None else label(RATE_EDGES, j),
+            )
+            out.append(TorqueWorth(*names, band, n, held, inside))
+    return tuple(out)
+
+
+def _class(share: Array, edges: Sequence[float]) -> npt.NDArray[np.intp]:
+    # What is just at an edge is below it: the largest torque is 100 %, not above.
+    return np.maximum(np.searchsorted(edges, np.abs(share)) - 1, 0)
+
+
+def worth_of(
+    device: Device,
+    recordings: Sequence[Recording],
+    verdict: Verdict,
+    spread: LeftOut | None,
+    rows: tuple[Array, Array] | None = None,
+) -> tuple[TorqueWorth, ...]:
+    """Of an identification; nothing where nothing was free in its fit."""
+    if spread is None:
+        return ()
+    timed = all(r.timed for r in recordings)
+
+    def samples(role: str, of: dict[str, Array]) -> Array:
+        return np.concatenate([of[r.label][getattr(s, role)] for r in recordings for s in r.sets])
+
+    measured = {r.label: r.tau_Nm for r in recordings}
+    error = {k: verdict.torque_Nm[k] - tau for k, tau in measured.items()}
+    torque, rate = rows or (samples("training", measured), samples("training", verdict.omega_rad_s))
+    fit = JudgedSamples(spread.outside_Nm, torque, rate if timed else None, spread.weight)
+    role, apart = "held_out", samples("held_out", error)
+    rate = samples(role, verdict.omega_rad_s)
+    unseen = JudgedSamples(
+        apart, samples(role, measured), rate if timed else None, np.ones(len(apart))
+    )
+    most = device.file.domain.omega_max_rad_s.value
+    return torque_worth(fit, unseen, device.tau_full_scale_Nm, most)

@@ -15,6 +15,7 @@ the value the port names, and a state outside its range starts the Block afresh.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
@@ -221,16 +222,13 @@ class Block(Component):
         )._known()
 
     @classmethod
-    def of(cls, parts: Any, name: str, title: str, **more: Any) -> Block:
-        """Build a Block from an object with the Block's numbers, ports and step.
+    def of(cls, parts: Any, **more: Any) -> Block:
+        """Build a Block from an object that has what :meth:`define` takes, under the same names.
 
         Parameters
         ----------
         parts : object
-            Has ``h``, the period, ``step``, and, by methods of their names, what else
-            :meth:`define` takes; ``prepare`` where it has tunables.
-        name, title
-            As in the class.
+            Has ``h``, the period, ``name``, ``title``, ``step``, its ports and what else it needs.
         **more
             The rest of :meth:`define`, or in place of what the object has.
 
@@ -239,12 +237,11 @@ class Block(Component):
         Block
             The Block, its step guarded.
         """
-        names = ("constants", "tunables", "coefficients", "state", "inputs", "outputs")
-        asked = [n for n in (*names, "equations", "facts", "solved") if hasattr(parts, n)]
-        known = {n: getattr(parts, n)() for n in asked if n not in more} | more
-        if known.get("tunables") and "prepare" not in known:
-            known["prepare"] = parts.prepare
-        return cls.define(name, title, period_s=parts.h, step=parts.step, **known)
+        names = set(inspect.signature(cls.define).parameters) - {"period_s"}
+        known = {n: getattr(parts, n) for n in names if hasattr(parts, n)} | more
+        if not known.get("tunables"):
+            known.pop("prepare", None)
+        return cls.define(period_s=parts.h, **known)
 
     def _known(self) -> Block:
         # Not where a Block is copied: a deliberate fault may take away what is split.

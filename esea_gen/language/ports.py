@@ -306,6 +306,11 @@ class Tunable:
         """Unit from the name's suffix."""
         return unit_of(self.name)
 
+    @property
+    def port(self) -> Port:
+        """The coefficient of a tunable that passes through."""
+        return Port(self.name, self.low, self.high, self.meaning)
+
 
 @dataclass(frozen=True)
 class Constant:

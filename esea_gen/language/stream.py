@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from esea_gen.language.ports import Array
+from esea_gen.language.ports import Array
 
 SPECIAL = (np.nan, np.inf, -np.inf, 3.4e38, -3.4e38)
 

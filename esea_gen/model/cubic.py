@@ -9,8 +9,8 @@ import sympy as sp
 
 from esea_gen.language.block import Labels
 from esea_gen.language.ports import Equation
-from esea_gen.model.elastomer import K1, K3
-from esea_gen.model.symbolic import equation, to_casadi
+from esea_gen.model.elastomer import K3
+from esea_gen.model.symbolic import equations, to_casadi
 
 LINEAR, LOAD = sp.symbols("a d", real=True)
 HALF, THIRD, ROOT, RATIO = sp.symbols("b a_3 c q", positive=True)
@@ -67,17 +67,19 @@ def root_facts(
     }
 
 
+EQUATIONS = """
+    [segment] | d | k_3 * x**3 + a * x | \
+        the torque between two breakpoints, of the deflection beyond the dead zone
+    [breakpoint] | x_i | s * F_i + r_i | where stop i saturates; s is the direction
+    [a] | a | k_1 + g + Sum(p_i, (i, 1, N)) | \
+        linear stiffness: spring, Maxwell element, stops not saturated
+    [root 1] | a_3 | third | real root of the segment's cubic, first part
+    [root 2] | b | half | second part
+    [root 3] | c | root | third part
+    (4.13), stable form | |x| | whole | the root, with the sign of d
+"""
+
+
 def segment_equations() -> tuple[Equation, ...]:
-    x, f_i, r_i, p_i, s, g, i, n = sp.symbols("x F_i r_i p_i s g i N")
-    torque = "the torque between two breakpoints, of the deflection beyond the dead zone"
-    stiff = "linear stiffness: spring, Maxwell element, stops not saturated"
-    turned = "where stop i saturates; s is the direction"
-    return (
-        equation("[segment]", "d", K3 * x**3 + LINEAR * x, torque),
-        equation("[breakpoint]", "x_i", s * f_i + r_i, turned),
-        equation("[a]", "a", K1 + g + sp.Sum(p_i, (i, 1, n)), stiff),
-        equation("[root 1]", THIRD, ROOT_THIRD, "real root of the segment's cubic, first part"),
-        equation("[root 2]", HALF, ROOT_HALF, "second part"),
-        equation("[root 3]", "c", sp.cbrt(ROOT_CUBE), "third part"),
-        equation("(4.13), stable form", "|x|", ROOT_WHOLE, "the root, with the sign of d"),
-    )
+    root = sp.cbrt(ROOT_CUBE)
+    return equations(EQUATIONS, third=ROOT_THIRD, half=ROOT_HALF, root=root, whole=ROOT_WHOLE)

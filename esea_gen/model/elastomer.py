@@ -16,13 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
+    Equation,
     Flag,
     Port,
     Tunable,
@@ -32,10 +34,7 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.model.plays import STREAMS
-from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations, to_casadi
 
 THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
 K1, K3, KV = sp.symbols("k_1 k_3 k_v", positive=True)
@@ -89,7 +88,7 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
     coefficients = (
         Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
         Port("p_Nm_rad", 0.0, 1000.0, "weights of the stop operators", stops, "(3.10)"),
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name in direct),
+        *(t.port for t in tunables if t.name in direct),
     )
 
     def prepare(t: SimpleNamespace) -> dict[str, Any]:
@@ -100,19 +99,10 @@ def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str
 
 
 def torque_sensor(device: DeviceData, *, tunable: bool = False) -> Block:
-    model = _TorqueSensor(device, tunable)
-    return Block.of(
-        model,
-        "sensor",
-        "Elastomer torque sensor: deflection to interaction torque",
-        constants=model.constants,
-        **_tunable_ports(device, model.stops, model.rate_terms) if tunable else {},
-        equations=_equations(model.rate_terms, model.dead_zone > 0),
-        split=model.split(),
-        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
-        facts={"share": (0.0, 1.0)} if model.rate_terms else {},
-        streams=STREAMS,
-    )
+    law = _TorqueSensor(device, tunable)
+    if not tunable:
+        return Block.of(law)
+    return Block.of(law, **_tunable_ports(device, law.stops, law.rate_terms))
 
 
 class _TorqueSensor:
@@ -134,8 +124,47 @@ class _TorqueSensor:
         self.omega_domain = threshold(file.domain.omega_max_rad_s.value)
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
         self.step_max = threshold(self.omega_lim * self.h)
+        self.name = "sensor"
+        self.title = "Elastomer torque sensor: deflection to interaction torque"
+        self.equations = _equations(self.rate_terms, self.dead_zone > 0)
+        self.split = self._cuts()
+        # With s = 1 + x/2 + x^2/6: s <= 1 + x s, because (1 - x) s = 1 - x/2 - x^2/3 - x^3/6 <= 1.
+        self.facts = {"share": (0.0, 1.0)} if self.rate_terms else {}
+        self.streams = STREAMS
+        plays = "play states F_i = theta - E_i of the stop operators"
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
+            around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
+            around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
+        )
+        theta = "deflection: motor-side minus load-side angle"
+        omega = "deflection rate in the middle of the step, free of theta(k)"
+        self.inputs = (
+            around("theta_rad", self.theta_lim, theta, on_invalid="theta_prev_rad"),
+            around("omega_rad_s", self.omega_lim, omega, on_invalid=0.0),
+        )
+        torque, tau, full = "part of the torque on the load", self.tau_lim, self.tau_domain
+        jumped = "deflection jumped by more than its rate allows; clipped"
+        rate = "the Maxwell element's torque was clipped at its limit"
+        self.outputs = (
+            around("tau_Nm", tau, "interaction torque on the load", equation="(3.1)"),
+            around("tau_spring_Nm", tau, f"cubic spring: {torque}", equation="(3.2)"),
+            around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
+            around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its physical range; the last deflection is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
+                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
+                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_TORQUE_CLIPPED", rate, True, ("tau_rate_Nm",), tau),
+            ),
+        )
 
-    def split(self) -> dict[str, tuple[float, ...]]:
+    def _cuts(self) -> dict[str, tuple[float, ...]]:
         if not self.rate_terms:
             return {}
         v, reach = self.values, self.theta_lim - self.dead_zone
@@ -262,44 +291,6 @@ class _TorqueSensor:
         tau_r: ca.SX = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share
         return tau_r
 
-    def state(self) -> tuple[Port, ...]:
-        plays = "play states F_i = theta - E_i of the stop operators"
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
-            around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
-            around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        theta = "deflection: motor-side minus load-side angle"
-        omega = "deflection rate in the middle of the step, free of theta(k)"
-        return (
-            around("theta_rad", self.theta_lim, theta, on_invalid="theta_prev_rad"),
-            around("omega_rad_s", self.omega_lim, omega, on_invalid=0.0),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        torque, tau, full = "part of the torque on the load", self.tau_lim, self.tau_domain
-        jumped = "deflection jumped by more than its rate allows; clipped"
-        rate = "the Maxwell element's torque was clipped at its limit"
-        return (
-            around("tau_Nm", tau, "interaction torque on the load", equation="(3.1)"),
-            around("tau_spring_Nm", tau, f"cubic spring: {torque}", equation="(3.2)"),
-            around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
-            around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
-            status_port(
-                "what is known of this sample",
-                "an input was NaN or outside its physical range; the last deflection is held",
-                "the state was corrupt; the model was started afresh",
-                Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
-                Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
-                Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),
-                Flag("STEP_CLIPPED", jumped, True),
-                Flag("RATE_TORQUE_CLIPPED", rate, True, ("tau_rate_Nm",), tau),
-            ),
-        )
-
 
 def _power_cuts(gain: float, exponent: float, offset: float, limit: float) -> tuple[float, ...]:
     # Where gain |x|^exponent + offset has grown by another factor of 3: the viscosity spans orders
@@ -329,46 +320,40 @@ def _as_tunable(device: DeviceData, key: str) -> Tunable:
     return Tunable(key, q.value, extra["low"], extra["high"], extra["text"], q.source, q.status)
 
 
-def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Any, ...]:
-    e = sp.Symbol("E_i")
-    tau_s, tau_r, tau_h = sp.symbols("tau_s tau_r tau_h")
-    x, s = sp.symbols("x sigma")
-    theta_k, theta_p = sp.Symbol("theta_k"), sp.Symbol("theta_k-1")
-    beyond: tuple[Any, ...] = ()
-    standing: dict[sp.Symbol, sp.Symbol] = {}
-    if dead_zone:
-        gated = sp.Piecewise((RATE, sp.Abs(theta_p) > DEAD_ZONE), (0, True))
-        text = "deflection beyond the dead zone; stands for theta in what follows"
-        beyond = (
-            equation("(8.7/8.8)", "delta", BEYOND, text),
-            equation("[gate]", "omega_delta", gated, "its rate, from where the step starts"),
-        )[: 2 if rate_terms else 1]
-        standing = {THETA: DELTA, RATE: RATE_DELTA}
-        theta_k, theta_p = sp.Symbol("delta_k"), sp.Symbol("delta_k-1")
-    f_p, tau_p = sp.Symbol("F_i,k-1"), sp.Symbol("tau_r,k-1")
-    p_i, r_i = sp.symbols("p_i r_i")
-    total = tau_s + tau_r + tau_h if rate_terms else tau_s + tau_h
-    hysteresis = sp.Sum(p_i * e, (INDEX, 1, sp.Symbol("N")))
-    play = sp.Max(sp.Min(f_p, theta_k + r_i), theta_k - r_i)
-    common = (
-        equation("(3.1)", "tau_e", total, "torque: spring, rate terms, hysteresis"),
-        equation("(3.2)", "tau_s", TAU_S.subs(standing), "cubic spring"),
-        equation("(3.9)", "tau_h", hysteresis, "hysteresis"),
-        equation("(3.10)", "p_i", STOP_WEIGHT.subs(RADIUS, r_i), "weight of a stop operator"),
-        equation("(3.11)", "r_i", SPACING * INDEX, "threshold of a stop operator"),
-        equation(
-            "(3.5-3.7), play form", "F_i", play, "stop operator E = theta - F, nothing summed"
-        ),
-    )
-    if not rate_terms:
-        return beyond + common
-    maxwell = (tau_p + KV * (theta_k - theta_p) * s) / (1 + x * s)
-    eta, steps = ETA.subs(standing), "Maxwell element, exponential step, series of third order"
-    return (
-        *beyond,
-        *common,
-        equation("(3.3)", "tau_r", maxwell, steps),
-        equation("[series]", "sigma", 1 + x / 2 + x**2 / 6, "(exp(x) - 1)/x to third order"),
-        equation("[step]", "x", DT * KV / sp.Symbol("eta"), "step over time constant"),
-        equation("(3.4)", "eta", eta, "viscosity, from mid-step deflection and rate"),
+COMMON = """
+    (3.1) | tau_e | {total} | torque: spring, rate terms, hysteresis
+    (3.2) | tau_s | spring | cubic spring
+    (3.9) | tau_h | Sum(p_i * E_i, (i, 1, N)) | hysteresis
+    (3.10) | p_i | weight | weight of a stop operator
+    (3.11) | r_i | omega * i | threshold of a stop operator
+    (3.5-3.7), play form | F_i | Max(Min(F{{i,k-1}}, {now} + r_i), {now} - r_i) | \
+        stop operator E = theta - F, nothing summed
+"""
+MAXWELL = """
+    (3.3) | tau_r | (tau{{r,k-1}} + k_v * ({now} - {last}) * sigma) / (1 + x * sigma) | \
+        Maxwell element, exponential step, series of third order
+    [series] | sigma | 1 + x / 2 + x**2 / 6 | (exp(x) - 1)/x to third order
+    [step] | x | h * k_v / eta | step over time constant
+    (3.4) | eta | eta | viscosity, from mid-step deflection and rate
+"""
+BEYOND_ZONE = """
+    (8.7/8.8) | delta | beyond | deflection beyond the dead zone; stands for theta in what follows
+"""
+GATE = """
+    [gate] | omega_delta | Piecewise((omega_m, Abs(theta{{k-1}}) > theta_dz), (0, true)) | \
+        its rate, from where the step starts
+"""
+
+
+def _equations(rate_terms: bool, dead_zone: bool) -> tuple[Equation, ...]:
+    standing = {THETA: DELTA, RATE: RATE_DELTA} if dead_zone else {}
+    rows = (BEYOND_ZONE + GATE * rate_terms) * dead_zone + COMMON + MAXWELL * rate_terms
+    angle = "delta" if dead_zone else "theta"
+    total = "tau_s + tau_r + tau_h" if rate_terms else "tau_s + tau_h"
+    return equations(
+        rows.format(total=total, now=f"{angle}_k", last=f"{angle}{{k-1}}"),
+        beyond=BEYOND,
+        spring=TAU_S.subs(standing),
+        weight=STOP_WEIGHT.subs(RADIUS, sp.Symbol("r_i")),
+        eta=ETA.subs(standing),
     )

@@ -9,13 +9,13 @@ import math
 from enum import IntFlag
 from itertools import product
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.fields import EncoderSide
+from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -31,10 +31,7 @@ from esea_gen.language.ports import (
     status_port,
 )
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations
 
 Side = Literal["motor", "load"]
 SIDES: tuple[Side, ...] = ("motor", "load")
@@ -128,6 +125,23 @@ def _middle(device: DeviceData) -> float:
     return (low + high) / 2
 
 
+EQUATIONS = """
+    [wrap] | w | Piecewise((d + F, d < -F / 2), (d - F, d > F / 2), (d, true)) | \
+        step, wrapped to half a turn; F counts a turn
+    [reach] | Abs(w) | d_max * (k + 1) | largest believable step after k bad frames
+"""
+PLAIN = """
+    [angle] | theta | sigma * (2 * pi * (n + c / F)) - theta_0 | \
+        joint angle: n turns, count c, direction sigma, zero
+"""
+CORRECTED = """
+    [angle] | theta | sigma * (2 * pi * (n + c / F) + e_c) - theta_0 | \
+        joint angle: n turns, count c, direction sigma, zero
+    [table] | e_c | e_0 + Sum(r_i * Min(Max(x - i, 0), 1), (i, 0, N - 1)) | \
+        correction: x = N c / F, rise r_i a cell
+"""
+
+
 # With c the last good count, a frame is good when its word is 0 and its wrapped step from c is at
 # most the largest believable one times the frames since.  At the start the turn is the one within
 # half a turn of the middle of the range of motion, and SETTLED frames in a row must agree.  After
@@ -136,24 +150,7 @@ def _middle(device: DeviceData) -> float:
 # reference is lost until init.
 def encoder(device: DeviceData, side: Side) -> Block:
     """Front end of one encoder."""
-    front = _Encoder(device, side)
-    return Block.of(
-        front,
-        f"encoder_{side}",
-        f"Encoder front end, {side} side: count to joint angle",
-        constants=_constants(device, side, front.bits, front.step_max, front.held_max),
-        tunables=_tunables(front.own),
-        coefficients=(
-            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
-            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
-        ),
-        inputs=(
-            Port("count", 0, front.full - 1, "raw count as the chip gives it, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
-        ),
-        equations=_equations(bool(front.table)),
-        streams=STREAMS,
-    )
+    return Block.of(_Encoder(device, side))
 
 
 class _Encoder:
@@ -179,6 +176,51 @@ class _Encoder:
                 f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise "
                 "the sensing rate.",
             )
+        self.name = f"encoder_{side}"
+        self.title = f"Encoder front end, {side} side: count to joint angle"
+        self.constants = _constants(device, side, self.bits, self.step_max, self.held_max)
+        self.tunables = _tunables(self.own)
+        self.coefficients = (
+            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
+            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
+        )
+        self.inputs = (
+            Port("count", 0, self.full - 1, "raw count as the chip gives it, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        )
+        self.equations = equations(EQUATIONS + (CORRECTED if self.table else PLAIN))
+        self.streams = STREAMS
+        self.state = (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("turn", TURNS, "whole turns of the encoder"),
+            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
+            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
+            Port("lost", 0, 1, "1 once the reference is lost, until init"),
+        )
+        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
+        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
+        late = "more bad frames in a row than may be bridged: not usable"
+        self.outputs = (
+            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
+            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag(
+                    "IMPLAUSIBLE_STEP",
+                    "the angle moved faster than the joint can; angle held",
+                    True,
+                ),
+                Flag("HELD_TOO_LONG", late, True),
+                Flag("SETTLING", "too few frames that agree since the start: not usable"),
+                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+                Flag("REFERENCE_LOST", away),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
@@ -255,41 +297,6 @@ class _Encoder:
         }
         return next_state, outputs
 
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
-            around("turn", TURNS, "whole turns of the encoder"),
-            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
-            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
-            Port("lost", 0, 1, "1 once the reference is lost, until init"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
-        away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
-        late = "more bad frames in a row than may be bridged: not usable"
-        return (
-            around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
-            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
-            status_port(
-                "what is known of this sample",
-                "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
-                Flag(
-                    "IMPLAUSIBLE_STEP",
-                    "the angle moved faster than the joint can; angle held",
-                    True,
-                ),
-                Flag("HELD_TOO_LONG", late, True),
-                Flag("SETTLING", "too few frames that agree since the start: not usable"),
-                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
-                Flag("REFERENCE_LOST", away),
-            ),
-        )
-
 
 def _tunables(own: EncoderSide) -> tuple[Tunable, ...]:
     zero = own.zero_rad or Quantity(value=0.0, source="no calibration", status="assumed")
@@ -319,31 +326,6 @@ def _constants(
         given("step_max_counts", step_max, own.step_max_rad, by_speed, "derived"),
         given("held_max", held_max, own.held_max, bridged, "assumed"),
     )
-
-
-def _equations(table: bool) -> tuple[Any, ...]:
-    n, c, d, f = sp.symbols("n c d F")
-    w, theta, zero, s, k = sp.symbols("w theta theta_0 sigma k")
-    wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
-    place, rise = sp.Symbol("x"), sp.Symbol("r_i")
-    i, size = sp.Symbol("i"), sp.Symbol("N")
-    reach, turned = sp.Symbol("d_max") * (k + 1), 2 * sp.pi * (n + c / f)
-    turned = turned + (sp.Symbol("e_c") if table else 0)
-    out = [
-        equation("[wrap]", "w", wrap, "step, wrapped to half a turn; F counts a turn"),
-        equation("[reach]", sp.Abs(w), reach, "largest believable step after k bad frames"),
-        equation(
-            "[angle]",
-            theta,
-            s * turned - zero,
-            "joint angle: n turns, count c, direction sigma, zero",
-        ),
-    ]
-    if table:
-        part = sp.Min(sp.Max(place - i, 0), 1)
-        total = sp.Symbol("e_0") + sp.Sum(rise * part, (i, 0, size - 1))
-        out.append(equation("[table]", "e_c", total, "correction: x = N c / F, rise r_i a cell"))
-    return tuple(out)
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -9,12 +9,13 @@ where the motion turns back, because the slope of a slip operator jumps there.)
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
-from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
+from esea_gen.language.ports import Flag, around, clip, status_port, threshold
 from esea_gen.model.family import FittedMember, Start
 from esea_gen.model.family_sensor import (
     factor_in,
@@ -23,9 +24,6 @@ from esea_gen.model.family_sensor import (
     torque_limit,
 )
 from esea_gen.model.forward import REQUEST_ROOM, request_port
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # A twentieth of a millinewton-metre in 10 Nm, and far above float32 rounding.
 RESIDUAL_SHARE = 5e-6
@@ -52,6 +50,37 @@ class _FamilyInverse:
             "omega": threshold(file.domain.omega_max_rad_s.value),
             "tau": threshold(file.domain.tau_full_scale_Nm.value),
         }
+        self.name = "inverse"
+        self.title = f"Exact inverse: {fitted.member.title}"
+        self.state = self.model.state()
+        self.inputs = (request_port(self.tau_lim),)
+        self.solved = self._solved_by(fitted)
+        # What algebra knows: the set-point is clipped, and no step is longer than the bracket.
+        most = 1.001 * self.longest
+        moves = {f"move_{k}_rad": (-most, most) for k in range(1, self.steps + 1)}
+        self.facts = moves | {"set_point_rad": (-self.theta_lim, self.theta_lim)}
+        room = 2 * REQUEST_ROOM * self.tau_lim
+        d = self.domain
+        theta = "|set-point| is outside the identified domain"
+        rate = "|rate of the set-point| is outside the identified domain"
+        short = "the request cannot be reached; the set-point stands at its limit"
+        far = "|residual| is above its limit; the next period goes on from here"
+        self.outputs = (
+            around("theta_rad", self.theta_lim, "deflection set-point"),
+            around("omega_mid_rad_s", self.omega_lim, "rate of the set-point over this step"),
+            around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
+            around("residual_Nm", room, "request less the model's torque"),
+            status_port(
+                "what is known of this set-point",
+                "an input was NaN or outside its range; the set-point is held",
+                "the state was corrupt; the model was started afresh",
+                Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
+                Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
+                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
+                Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
+                Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
+            ),
+        )
 
     def at(
         self, s: Any, theta: Any, state_ok: ca.SX, factor: Any
@@ -117,13 +146,7 @@ class _FamilyInverse:
         }
         return state, outputs
 
-    def facts(self) -> dict[str, tuple[float, float]]:
-        """What algebra knows: the set-point is clipped, and no step is longer than the bracket."""
-        most = 1.001 * self.longest
-        moves = {f"move_{k}_rad": (-most, most) for k in range(1, self.steps + 1)}
-        return moves | {"set_point_rad": (-self.theta_lim, self.theta_lim)}
-
-    def solved(self, fitted: FittedMember) -> dict[str, Solved]:
+    def _solved_by(self, fitted: FittedMember) -> dict[str, Solved]:
         """A small residual means a set-point near the exact one, as the torque rises with it."""
         reach = self.theta_lim
         slope = min(fitted.least_slope_Nm_rad(reach), fitted.first_slope_Nm_rad(reach))
@@ -135,41 +158,10 @@ class _FamilyInverse:
         follows |= self.model.state_slopes()
         return {"set_point_rad": Solved("residual_Nm", 2 * self.good, slope, follows=follows)}
 
-    def outputs(self) -> tuple[Port, ...]:
-        room = 2 * REQUEST_ROOM * self.tau_lim
-        d = self.domain
-        theta = "|set-point| is outside the identified domain"
-        rate = "|rate of the set-point| is outside the identified domain"
-        short = "the request cannot be reached; the set-point stands at its limit"
-        far = "|residual| is above its limit; the next period goes on from here"
-        return (
-            around("theta_rad", self.theta_lim, "deflection set-point"),
-            around("omega_mid_rad_s", self.omega_lim, "rate of the set-point over this step"),
-            around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
-            around("residual_Nm", room, "request less the model's torque"),
-            status_port(
-                "what is known of this set-point",
-                "an input was NaN or outside its range; the set-point is held",
-                "the state was corrupt; the model was started afresh",
-                Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
-                Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
-                Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
-                Flag("REQUEST_CLAMPED", short, True, ("theta_rad",), self.theta_lim),
-                Flag("NOT_CONVERGED", far, True, ("residual_Nm",), self.good),
-            ),
-        )
-
 
 def family_inverse(
     device: DeviceData, fitted: FittedMember, start: Start = "virgin", steps: int = STEPS
 ) -> Block:
-    inverse = _FamilyInverse(device, fitted, start, steps)
     return Block.of(
-        inverse,
-        "inverse",
-        f"Exact inverse: {fitted.member.title}",
-        state=inverse.model.state(),
-        inputs=(request_port(inverse.tau_lim),),
-        solved=inverse.solved(fitted),
-        **temperature_parts(device, fitted),
+        _FamilyInverse(device, fitted, start, steps), **temperature_parts(device, fitted)
     )

@@ -7,14 +7,15 @@ second gives one output for each term, of which the weights are solved for.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Constant,
+    Equation,
     Flag,
     Port,
     Tunable,
@@ -25,10 +26,7 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.family import FittedMember, Member, Start
 from esea_gen.model.family_step import ROOM, FamilyStep, merged_elements, unit_elements
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations
 
 # Tunable of every Block that has a member with a factor of temperature.
 TEMPERATURE = "temperature_C"
@@ -121,35 +119,22 @@ class _FamilySensor:
         self.omega_lim = threshold(limits.omega_rad_s.value)
         self.tau_lim = torque_limit(device, fitted)
         self.steps = family_step(device, fitted, start)
-        self.state = self.steps.state
+        self.state = self.steps.state()
         self.full_scale = threshold(domain.tau_full_scale_Nm.value)
         self.theta_most = threshold(domain.theta_max_rad.value)
         self.omega_most = threshold(domain.omega_max_rad_s.value)
-
-    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        state, sums = self.steps.torque(s, u.theta_rad, guard, label, factor_in(c))
-        sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
-        tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
-        status = guard.status(
-            ca.fabs(u.theta_rad) > self.theta_most,
-            ca.fabs(u.omega_rad_s) > self.omega_most,
-            ca.fabs(tau) > self.full_scale,
-        )
-        most = self.tau_lim
-        outputs = {f"tau_{k}_Nm": clip(v, -most, most) for k, v in sums.items()}
-        return state, outputs | {"tau_Nm": clip(tau, -most, most), "status": status}
-
-    def inputs(self) -> tuple[Port, ...]:
+        self.name = "sensor"
+        self.title = f"Elastomer torque sensor: {fitted.member.title}"
+        self.constants = family_constants(device, fitted)
+        self.equations = _equations(fitted)
         text = "deflection: motor-side minus load-side angle"
         rate = "deflection rate in the middle of the step"
-        return (
+        self.inputs = (
             around("theta_rad", self.theta_lim, text, on_invalid="theta_prev_rad"),
             around("omega_rad_s", self.omega_lim, rate, on_invalid=0.0),
         )
-
-    def outputs(self) -> tuple[Port, ...]:
         part, tau, full = "part of the torque on the load", self.tau_lim, self.full_scale
-        return (
+        self.outputs = (
             around("tau_Nm", tau, "interaction torque on the load"),
             around("tau_spring_Nm", tau, f"springs and offset: {part}"),
             around("tau_rate_Nm", tau, f"Maxwell branches: {part}"),
@@ -164,17 +149,23 @@ class _FamilySensor:
             ),
         )
 
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        state, sums = self.steps.torque(s, u.theta_rad, guard, label, factor_in(c))
+        sums = {k: label(f"tau_{k}_Nm", v, f"{k}: sum of its terms") for k, v in sums.items()}
+        tau = label("tau_Nm", sums["spring"] + sums["rate"] + sums["hysteresis"], "torque")
+        status = guard.status(
+            ca.fabs(u.theta_rad) > self.theta_most,
+            ca.fabs(u.omega_rad_s) > self.omega_most,
+            ca.fabs(tau) > self.full_scale,
+        )
+        most = self.tau_lim
+        outputs = {f"tau_{k}_Nm": clip(v, -most, most) for k, v in sums.items()}
+        return state, outputs | {"tau_Nm": clip(tau, -most, most), "status": status}
+
 
 def family_sensor(device: DeviceData, fitted: FittedMember, start: Start = "virgin") -> Block:
     """A fitted member as a torque sensor Block, with the ports of the thesis' one."""
-    return Block.of(
-        _FamilySensor(device, fitted, start),
-        "sensor",
-        f"Elastomer torque sensor: {fitted.member.title}",
-        constants=family_constants(device, fitted),
-        equations=_equations(fitted),
-        **temperature_parts(device, fitted),
-    )
+    return Block.of(_FamilySensor(device, fitted, start), **temperature_parts(device, fitted))
 
 
 def factor_in(c: SimpleNamespace) -> Any:
@@ -203,25 +194,22 @@ def family_constants(device: DeviceData, fitted: FittedMember) -> tuple[Constant
     return (*found, t.reference_C.constant("reference_C"), t.per_K.constant("per_K"))
 
 
-def _equations(fitted: FittedMember) -> tuple[Any, ...]:
-    x, q, last, inner = sp.symbols("x q q_k-1 F_k-1")
-    a, b, r, length, m, moved = sp.symbols("a b r L m s", positive=True)
-    weight, factor, value, index = sp.symbols("w_i d_i z_i i")
-    total = sp.Sum(weight * factor * value, (index, 1, sp.Symbol("N")))
-    warm: tuple[Any, ...] = ()
-    if fitted.temperature is not None:
-        warmth, change, apart = sp.Symbol("g"), sp.Symbol("c_T"), sp.Symbol("T") - sp.Symbol("T_0")
-        total = warmth * total
-        text = "factor of all terms but the offset; c_T: per_K, T_0: reference_C"
-        warm = (equation("[temperature]", "g", 1 + change * apart, text),)
-    others = "others are x, x^3, x^5"
-    return (
-        equation("[family]", "tau", total, "every weight 0 or above"),
-        equation("[rise]", "q", x / (1 + sp.Abs(x) / a), f"a rise that bends; {others}"),
-        equation("[maxwell]", "F", (1 - a - b) * inner + a * q + b * last, "z = q - F"),
-        equation("[stop]", "F", sp.Max(sp.Min(inner, q + r), q - r), "z = q - F"),
-        equation("[slip]", "z'", 1 - sp.Symbol("z") * sp.sign(q - last) / length, "over q; Dahl"),
-        equation("[strain]", "d", 1 / (1 + m / a), "m: largest |x| before this step"),
-        equation("[path]", "d", sp.exp(-moved / length), "s: path before this step"),
-        *warm,
-    )
+EQUATIONS = """
+    [family] | tau | {factor} * Sum(w_i * d_i * z_i, (i, 1, N)) | every weight 0 or above
+    [rise] | q | x / (1 + Abs(x) / a) | a rise that bends; others are x, x^3, x^5
+    [maxwell] | F | (1 - a - b) * F{{k-1}} + a * q + b * q{{k-1}} | z = q - F
+    [stop] | F | Max(Min(F{{k-1}}, q + r), q - r) | z = q - F
+    [slip] | z' | 1 - z * sign(q - q{{k-1}}) / L | over q; Dahl
+    [strain] | d | 1 / (1 + m / a) | m: largest |x| before this step
+    [path] | d | exp(-s / L) | s: path before this step
+"""
+WARM = """
+    [temperature] | g | 1 + c_T * (T - T_0) | \
+        factor of all terms but the offset; c_T: per_K, T_0: reference_C
+"""
+
+
+def _equations(fitted: FittedMember) -> tuple[Equation, ...]:
+    if fitted.temperature is None:
+        return equations(EQUATIONS.format(factor="1"))
+    return equations(EQUATIONS.format(factor="g") + WARM)

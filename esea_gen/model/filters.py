@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.numbers import Quantity
-
+from esea_gen.model.symbolic import equations
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0
 # The viscosity is steepest at rate zero: with the general aim q31's rate comes to rest 3e-5 rad/s
@@ -51,6 +46,13 @@ def triple_pole_ports(h: float) -> tuple[Port, ...]:
     )
 
 
+EQUATIONS = """
+    [obs 1] | v_k | v + h * a + beta * e | rate
+    [obs 2] | omega_m | v + h * a / 2 | rate in the middle of the step
+    [obs 3] | beta | 3/2 * q**2 * (1 + p) / h | velocity gain
+"""
+
+
 # A constant acceleration leaves no steady error.  The rate for the middle of the coming step is
 # from past samples only: the viscosity then holds nothing of theta(k), which keeps the sensor's
 # inverse unique.
@@ -58,20 +60,7 @@ def tracking_observer(
     device: DeviceData, joint_rad: float | None = None, bandwidth_Hz: Quantity | None = None
 ) -> Block:
     """Third-order tracking observer (Kalata 1984) with a triple real pole."""
-    law = _TrackingObserver(device, joint_rad, bandwidth_Hz)
-    p, q, hs, e, v, a = sp.symbols("p q h e v a")
-    return Block.of(
-        law,
-        "velocity" if joint_rad is None else "joint_rate",
-        f"{law.what.capitalize()} rate: third-order tracking observer",
-        constants=device.constants("timing"),
-        coefficients=triple_pole_ports(law.h),
-        equations=(
-            equation("[obs 1]", "v_k", v + hs * a + sp.Symbol("beta") * e, "rate"),
-            equation("[obs 2]", "omega_m", v + hs * a / 2, "rate in the middle of the step"),
-            equation("[obs 3]", "beta", sp.Rational(3, 2) * q**2 * (1 + p) / hs, "velocity gain"),
-        ),
-    )
+    return Block.of(_TrackingObserver(device, joint_rad, bandwidth_Hz))
 
 
 class _TrackingObserver:
@@ -91,6 +80,35 @@ class _TrackingObserver:
         self.v_lim, self.a_lim = 4 * self.omega_lim, threshold(4 * self.omega_lim / self.h)
         self.bandwidth = bandwidth_Hz or file.velocity.bandwidth_Hz
         self.high = min(BANDWIDTH_MAX_HZ, 0.1 / self.h)
+        self.name = "velocity" if joint_rad is None else "joint_rate"
+        self.title = f"{self.what.capitalize()} rate: third-order tracking observer"
+        self.constants = device.constants("timing")
+        self.coefficients = triple_pole_ports(self.h)
+        self.equations = equations(EQUATIONS)
+        text = "bandwidth of the triple pole: higher follows faster and passes more noise"
+        self.tunables = (self.bandwidth.tunable("bandwidth_Hz", BANDWIDTH_MIN_HZ, self.high, text),)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            around("theta_hat_rad", 2 * self.theta_lim, f"estimated {self.what}"),
+            around("v_rad_s", self.v_lim, "estimated rate"),
+            around("a_rad_s2", self.a_lim, "estimated acceleration"),
+        )
+        text = "deflection: motor-side minus load-side angle"
+        text = text if self.what == "deflection" else "angle of the joint"
+        self.inputs = (around("theta_rad", self.theta_lim, text, on_invalid="theta_hat_rad"),)
+        both = ("omega_rad_s", "omega_mid_rad_s")
+        mid = f"{self.what} rate predicted for the middle of this step from past samples"
+        clipped = "the estimate was clipped at the rate's physical range"
+        self.outputs = (
+            around(both[0], self.omega_lim, f"{self.what} rate at this sample"),
+            around(both[1], self.omega_lim, mid, finer=FINER),
+            status_port(
+                "what is known of this sample",
+                f"the {self.what} was NaN or outside its range; the last estimate is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("RATE_CLIPPED", clipped, True, both, self.omega_lim),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return triple_pole_gains(t.bandwidth_Hz, self.h)
@@ -120,35 +138,3 @@ class _TrackingObserver:
             "status": guard.status(ca.logic_or(ca.fabs(v) > limit, ca.fabs(mid) > limit)),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "bandwidth of the triple pole: higher follows faster and passes more noise"
-        return (self.bandwidth.tunable("bandwidth_Hz", BANDWIDTH_MIN_HZ, self.high, text),)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            around("theta_hat_rad", 2 * self.theta_lim, f"estimated {self.what}"),
-            around("v_rad_s", self.v_lim, "estimated rate"),
-            around("a_rad_s2", self.a_lim, "estimated acceleration"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        text = "deflection: motor-side minus load-side angle"
-        text = text if self.what == "deflection" else "angle of the joint"
-        return (around("theta_rad", self.theta_lim, text, on_invalid="theta_hat_rad"),)
-
-    def outputs(self) -> tuple[Port, ...]:
-        both = ("omega_rad_s", "omega_mid_rad_s")
-        mid = f"{self.what} rate predicted for the middle of this step from past samples"
-        clipped = "the estimate was clipped at the rate's physical range"
-        return (
-            around(both[0], self.omega_lim, f"{self.what} rate at this sample"),
-            around(both[1], self.omega_lim, mid, finer=FINER),
-            status_port(
-                "what is known of this sample",
-                f"the {self.what} was NaN or outside its range; the last estimate is held",
-                "the state was corrupt; the observer was started afresh",
-                Flag("RATE_CLIPPED", clipped, True, both, self.omega_lim),
-            ),
-        )

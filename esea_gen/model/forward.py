@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.ports import Port, around, threshold
 from esea_gen.model.elastomer import torque_sensor
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-
 
 # A request may be this many times the torque limit and still be clamped instead of refused.
 REQUEST_ROOM = 10.0

@@ -6,23 +6,28 @@ It knows no absolute angle: it counts from the first frame on, in whole numbers 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations
 
 WHOLE = 1 << 24  # every number format holds whole numbers below exactly
+
+
+EQUATIONS = """
+    [wrap] | w | Piecewise((d + F, d < -F / 2), (d - F, d > F / 2), (d, true)) | \
+        step, the short way round; F counts a turn
+    [angle] | theta_g | 2 * pi / (F * i) * Sum(w_k, (k, 1, n)) | \
+        turned since the start, at the joint; ratio i
+"""
 
 
 # A bad frame, or one farther away than the drive can be, is bridged.  After more than can be
@@ -30,17 +35,7 @@ WHOLE = 1 << 24  # every number format holds whole numbers below exactly
 # unknown.
 def gear_encoder(device: DeviceData) -> Block:
     """Front end of the encoder on the motor's shaft."""
-    law = _GearEncoder(device)
-    return Block.of(
-        law,
-        "encoder_gear",
-        "Encoder front end, motor's shaft: count to the angle that the drive has turned",
-        inputs=(
-            Port("count", 0, law.full - 1, "raw count of the shaft, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
-        ),
-        streams=OwnStreams(_events),
-    )
+    return Block.of(_GearEncoder(device))
 
 
 class _GearEncoder:
@@ -78,6 +73,49 @@ class _GearEncoder:
                 f"Read its upper {min(bits, int(a.encoder_bits.value) - 1)} bits only, and say so "
                 "in actuator.encoder_bits.",
             )
+        self.name = "encoder_gear"
+        self.title = (
+            "Encoder front end, motor's shaft: count to the angle that the drive has turned"
+        )
+        self.inputs = (
+            Port("count", 0, self.full - 1, "raw count of the shaft, a whole number"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        )
+        self.equations = equations(EQUATIONS)
+        self.streams = OwnStreams(_events)
+        self.constants = (
+            self.actuator.encoder_bits.constant("encoder_bits"),
+            self.actuator.gear_ratio.constant("gear_ratio"),
+            Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
+            Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
+        )
+        self.state = (
+            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            around("moved", self.moved_max, "counts turned since the start"),
+            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
+            Port("started", 0.0, 1.0, "1 once there was a good frame"),
+            around("omega_rad_s", self.rate_lim, "rate of the last step"),
+        )
+        most = self.moved_max / self.counts_rad * (1 + 1e-6)
+        lost = "no frame yet, or more were bad than may be bridged: starts again"
+        self.outputs = (
+            around(
+                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
+            ),
+            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
+            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
+            status_port(
+                "what is known of this sample",
+                "count or frame word was NaN or outside its range",
+                "the state was corrupt; the encoder was started afresh",
+                Flag(
+                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
+                ),
+                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
+                Flag("NOT_USABLE", lost, True),
+                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+            ),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started = s.started > 0.5
@@ -128,54 +166,6 @@ class _GearEncoder:
             ),
         }
         return next_state, outputs
-
-    def constants(self) -> tuple[Constant, ...]:
-        return (
-            self.actuator.encoder_bits.constant("encoder_bits"),
-            self.actuator.gear_ratio.constant("gear_ratio"),
-            Constant("step_max_counts", self.step_max, "speed limit times period", "derived"),
-            Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
-            around("moved", self.moved_max, "counts turned since the start"),
-            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
-            Port("started", 0.0, 1.0, "1 once there was a good frame"),
-            around("omega_rad_s", self.rate_lim, "rate of the last step"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        most = self.moved_max / self.counts_rad * (1 + 1e-6)
-        lost = "no frame yet, or more were bad than may be bridged: starts again"
-        return (
-            around(
-                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
-            ),
-            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
-            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
-            status_port(
-                "what is known of this sample",
-                "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
-                Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
-                Flag("NOT_USABLE", lost, True),
-                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
-            ),
-        )
-
-    def equations(self) -> tuple[Any, ...]:
-        n, f, d = sp.symbols("n F d")
-        wrap = sp.Piecewise((d + f, d < -f / 2), (d - f, d > f / 2), (d, True))
-        turned = 2 * sp.pi / (f * sp.Symbol("i")) * sp.Sum(sp.Symbol("w_k"), (sp.Symbol("k"), 1, n))
-        return (
-            equation("[wrap]", "w", wrap, "step, the short way round; F counts a turn"),
-            equation("[angle]", "theta_g", turned, "turned since the start, at the joint; ratio i"),
-        )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
@@ -31,10 +32,6 @@ from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.model.set_rate import SetRate
 from esea_gen.model.symbolic import to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-
 
 # Bandwidth of the exact inverse's own observer: the largest the velocity Block allows.
 BANDWIDTH_HZ = 100.0
@@ -76,28 +73,7 @@ def _exact_status(device: DeviceData, theta_high: float, omega_high: float) -> P
 
 def exact_inverse(device: DeviceData) -> Block:
     """The exact inverse of the discrete torque sensor, with the sensor's own state."""
-    inverse = _Exact(device)
-    return Block.of(
-        inverse,
-        "inverse",
-        "Exact inverse of the torque sensor: desired torque to deflection set-point",
-        constants=device.constants("elastomer") + device.constants("domain"),
-        tunables=inverse.set_rate.tunables,
-        coefficients=inverse.set_rate.coefficients,
-        prepare=inverse.set_rate.prepare,
-        # The called kernels guard their own state: these checks and theirs are then shared.
-        state=tuple(
-            replace(p, repair="block") for p in inverse.forward.state + inverse.set_rate.state
-        ),
-        inputs=(request_port(inverse.tau_lim),),
-        equations=segment_equations(),
-        facts=_exact_facts(device, inverse.forward, inverse.values, inverse.w),
-        split=rate_split(inverse.forward, "omega_mid_rad_s"),
-        # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
-        # part of it rises or stays: a small residual means a set-point near the exact one.
-        solved={"set_point_rad": inverse.solved_by()},
-        streams=STREAMS,
-    )
+    return Block.of(_Exact(device))
 
 
 class _Exact:
@@ -125,10 +101,35 @@ class _Exact:
         self.limit = {f.name: f.threshold for f in self.known.flags}
         self.tau_domain = threshold(file.domain.tau_full_scale_Nm.value)
         self.set_rate = SetRate(device, BANDWIDTH_HZ)
-
-    def solved_by(self) -> Solved:
+        self.name = "inverse"
+        self.title = "Exact inverse of the torque sensor: desired torque to deflection set-point"
+        self.constants = device.constants("elastomer") + device.constants("domain")
+        self.tunables = self.set_rate.tunables
+        self.coefficients = self.set_rate.coefficients
+        self.prepare = self.set_rate.prepare
+        # The called kernels guard their own state: these checks and theirs are then shared.
+        self.state = tuple(
+            replace(p, repair="block") for p in self.forward.state + self.set_rate.state
+        )
+        self.inputs = (request_port(self.tau_lim),)
+        self.equations = segment_equations()
+        self.facts = _exact_facts(device, self.forward, self.values, self.w)
+        self.split = rate_split(self.forward, "omega_mid_rad_s")
+        # The torque rises by k1 at least with the deflection beyond the dead zone, as every other
+        # part of it rises or stays: a small residual means a set-point near the exact one.
         jump = 2 * float(self.dead_zone)
-        return Solved("residual_Nm", self.limit["NOT_CONVERGED"], self.k1, jump)
+        by = Solved("residual_Nm", self.limit["NOT_CONVERGED"], self.k1, jump)
+        self.solved = {"set_point_rad": by}
+        self.streams = STREAMS
+        room = REQUEST_ROOM * self.tau_lim
+        self.outputs = (
+            around("theta_rad", self.theta_high, "deflection set-point"),
+            around("omega_mid_rad_s", self.omega_high, "rate that feeds the viscosity"),
+            around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
+            around("residual_Nm", 2 * room, "request less the model's torque"),
+            around("step_rad", 2 * self.theta_high, "move of the set-point in this step"),
+            self.known,
+        )
 
     def beyond(self, theta: Any) -> ca.SX:
         if not self.dead_zone:
@@ -293,17 +294,6 @@ class _Exact:
         tangent = label("tangent_Nm_rad", tangent, "d d / d x, at least a")
         better: ca.SX = near + miss / tangent
         return better
-
-    def outputs(self) -> tuple[Port, ...]:
-        room = REQUEST_ROOM * self.tau_lim
-        return (
-            around("theta_rad", self.theta_high, "deflection set-point"),
-            around("omega_mid_rad_s", self.omega_high, "rate that feeds the viscosity"),
-            around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
-            around("residual_Nm", 2 * room, "request less the model's torque"),
-            around("step_rad", 2 * self.theta_high, "move of the set-point in this step"),
-            self.known,
-        )
 
 
 def _exact_facts(

@@ -7,23 +7,20 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, clip, flag_word, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations
 
 CONTRADICTED = "another encoder or the motor's torque says otherwise, or has not been compared yet"
 
 
 def deflection(device: DeviceData) -> Block:
     """Deflection from the two joint angles, and whether the torque made of it can be trusted."""
-    joint = device.file.joint
-    if joint is None:
-        raise UserError(f"{device.origin}: section [joint] is missing.", "Add it.")
+    joint = section_of(device, "joint")
     theta_lim = threshold(device.file.limits.theta_rad.value)
     compared = device.file.redundancy is not None
     reach = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value)) + theta_lim
@@ -44,7 +41,6 @@ def deflection(device: DeviceData) -> Block:
         }
         return {}, outputs
 
-    motor, load = sp.symbols("theta_m theta_l")
     angle = "joint angle, "
     return Block.define(
         "joint",
@@ -63,7 +59,7 @@ def deflection(device: DeviceData) -> Block:
             Port("sensing_ok", 0.0, 1.0, "1 when the deflection, and what is made of it, holds"),
             _status(theta_lim, compared),
         ),
-        equations=(equation("(5.4)", "delta", motor - load, "deflection"),),
+        equations=equations("(5.4) | delta | theta_m - theta_l | deflection"),
         step=step,
         streams=OwnStreams(_events),
     )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -24,11 +25,7 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
 from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
-from esea_gen.model.symbolic import equation, to_casadi
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-
+from esea_gen.model.symbolic import equations, to_casadi
 
 FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
 
@@ -41,7 +38,7 @@ FILTER_B = (0.024, 0.12, 0.23, 0.20, 0.0, -0.12, 0.0, 0.20, 0.23, 0.12, 0.024)
 # Inside the rounding of the printed digits, and what reproduces the published tables.
 KAPPA_ROUNDING_RAD, FILTER_B_ROUNDING_GAIN = 0.10635, 1.0165
 
-KAPPA, PHI, CHI, PLAY_R, PLAY_J = sp.symbols("kappa phi chi r j", positive=True)
+KAPPA, PHI, PLAY_R = sp.symbols("kappa phi r", positive=True)
 
 PLAY_WEIGHT = KAPPA * sp.exp(-PHI * PLAY_R)
 
@@ -123,31 +120,18 @@ def published_inverse(
     tunable: bool = False,
 ) -> Block:
     """The thesis' partial inverse, with or without its disturbance observer, as a Block."""
-    inverse = _Published(device, filter, kappa, phi, chi, tunable)
-    facts, split = inverse.known(device)
-    return Block.of(
-        inverse,
-        "inverse" + (f"_{filter}" if filter else "_plays"),
-        "Published inverse: play operators"
-        + (f", disturbance observer with filter {filter}" if filter else ""),
-        constants=(() if tunable else tuple(inverse.plays)) + device.constants("elastomer"),
-        **_tunable_plays(inverse.plays) if tunable else {},
-        inputs=(request_port(inverse.tau_lim),),
-        equations=_published_equations(bool(inverse.taps)),
-        facts=facts,
-        split=split,
-    )
+    given = {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi}
+    law = _Published(device, filter, given, tunable)
+    return Block.of(law, **_tunable_plays(law.plays) if tunable else {})
 
 
 class _Published:
     def __init__(
         self,
         device: DeviceData,
-        filter: FilterName | None = None,
-        kappa: float | None = None,
-        phi: float | None = None,
-        chi: float | None = None,
-        tunable: bool = False,
+        filter: FilterName | None,
+        given: Mapping[str, float | None],
+        tunable: bool,
     ) -> None:
         self.tunable = tunable
         self.file = device.file
@@ -165,18 +149,31 @@ class _Published:
         self.theta_high = self.forward.block.inputs[0].high
         self.omega_high = threshold(self.file.limits.omega_rad_s.value)
         self.tau_lim = self.tau_high = threshold(self.file.limits.tau_Nm.value)
-        self.plays = _play_constants(device, {"kappa_rad": kappa, "phi_1_rad": phi, "chi_rad": chi})
+        self.plays = _play_constants(device, given)
         self.fixed_r, self.fixed_p = (
             list(map(float, x)) for x in _play_grid(*(c.value for c in self.plays))
         )
         # The envelope of the largest corrected request bounds every play state.
         self.reach = max(2 * self.theta_high, 4 * self.tau_lim / self.k1)
-
-    def outputs(self) -> tuple[Port, ...]:
+        self.name = "inverse" + (f"_{filter}" if filter else "_plays")
+        observer = f", disturbance observer with filter {filter}" if filter else ""
+        self.title = f"Published inverse: play operators{observer}"
+        self.constants = (() if tunable else tuple(self.plays)) + device.constants("elastomer")
+        plays = around("inverse_play_rad", self.reach, "play states", PLAYS, "(4.10, 4.11)")
+        what = "model torque less corrected request, newest first"
+        past = around("difference_Nm", 2 * self.tau_lim, what, len(self.taps) or 1)
+        self.state = (plays, past, *self.forward.state) if self.taps else (plays,)
+        self.inputs = (request_port(self.tau_lim),)
+        self.equations = equations(
+            PLAY_EQUATIONS + OBSERVER_EQUATIONS * bool(self.taps),
+            weight=PLAY_WEIGHT.subs(PLAY_R, sp.Symbol("r_j")),
+            root=ROOT_WHOLE,
+        )
+        self.facts, self.split = self._known(device)
         clamped = "the corrected request or the set-point was clamped"
         fast = "the set-point jumps by more than its rate allows; the model's memory is clipped"
         both, high = ("u_Nm", "theta_rad"), self.theta_high
-        return (
+        self.outputs = (
             around("theta_rad", high, "deflection set-point", equation="(4.7)"),
             around("u_Nm", self.tau_lim, "request corrected by the observed disturbance"),
             status_port(
@@ -233,7 +230,7 @@ class _Published:
         outputs = {"theta_rad": theta, "u_Nm": corrected, "status": guard.status(*bits)}
         return next_state, outputs
 
-    def known(
+    def _known(
         self, device: DeviceData
     ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, ...]]]:
         """Facts, and where the error analysis cuts."""
@@ -253,34 +250,17 @@ class _Published:
             facts |= rate_facts(device, values, "omega_rad_s")
         return facts, split
 
-    def state(self) -> tuple[Port, ...]:
-        plays = around("inverse_play_rad", self.reach, "play states", PLAYS, "(4.10, 4.11)")
-        if not self.taps:
-            return (plays,)
-        what = "model torque less corrected request, newest first"
-        past = around("difference_Nm", 2 * self.tau_lim, what, len(self.taps))
-        return (plays, past, *self.forward.state)
 
-
-def _published_equations(observer: bool) -> tuple[Any, ...]:
-    f_j, gamma, p_j, r_j = sp.symbols("F_j gamma p_j r_j")
-    f_p = sp.Symbol("F_j,k-1")
-    j, n = sp.Symbol("j"), sp.Symbol("N")
-    play = sp.Max(gamma - r_j, sp.Min(gamma + r_j, f_p))
-    out = (
-        equation("(4.7), as meant", "theta_d", sp.Sum(p_j * f_j, (j, 1, n)), "set-point"),
-        equation("(4.8)", "p_j", PLAY_WEIGHT.subs(PLAY_R, r_j), "weight of a play operator"),
-        equation("(4.9)", "r_j", CHI * PLAY_J, "threshold of a play operator"),
-        equation("(4.10, 4.11)", "F_j", play, "play operator round the envelope"),
-        equation("(4.13), stable form", "|gamma|", ROOT_WHOLE, "envelope: inverse of the cubic"),
-    )
-    if not observer:
-        return out
-    d, q_i, e_i = sp.symbols("d q_i e_k-1-i")
-    i = sp.Symbol("i")
-    return (
-        *out,
-        equation("[DOB 1]", "u", sp.Symbol("tau_d") - d, "corrected request"),
-        equation("[DOB 2]", "d", sp.Sum(q_i * e_i, (i, 0, n)), "low-pass of past differences"),
-        equation("[DOB 3]", "e", sp.Symbol("tau_act") - sp.Symbol("u"), "new difference"),
-    )
+PLAY_EQUATIONS = """
+    (4.7), as meant | theta_d | Sum(p_j * F_j, (j, 1, N)) | set-point
+    (4.8) | p_j | weight | weight of a play operator
+    (4.9) | r_j | chi * j | threshold of a play operator
+    (4.10, 4.11) | F_j | Max(gamma - r_j, Min(gamma + r_j, F{j,k-1})) | \
+        play operator round the envelope
+    (4.13), stable form | |gamma| | root | envelope: inverse of the cubic
+"""
+OBSERVER_EQUATIONS = """
+    [DOB 1] | u | tau_d - d | corrected request
+    [DOB 2] | d | Sum(q_i * e{k-1-i}, (i, 0, N)) | low-pass of past differences
+    [DOB 3] | e | tau_act - u | new difference
+"""

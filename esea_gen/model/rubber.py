@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.rubber import FamilyTerm
 from esea_gen.language.block import Block
 from esea_gen.model.elastomer import stop_grid, torque_sensor
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
@@ -11,10 +11,6 @@ from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor
 from esea_gen.model.inverse import chosen_inverse
 from esea_gen.model.temperature import TemperatureFactor
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.rubber import FamilyTerm
 
 POWERS = {"x": 1.0, "x^3": 3.0, "x^5": 5.0}
 

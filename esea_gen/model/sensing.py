@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
+
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block
-from esea_gen.language.component import Component
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.language.system import System, Task
+from esea_gen.language.watch import WATCH
 from esea_gen.model.encoder import encoder
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.joint import deflection
+from esea_gen.model.sections import section_of
 from esea_gen.model.smoothing import smoothed_deflection
 
 # Of one axis, from both encoders' counts: what a device that only measures makes of them.
@@ -25,7 +29,7 @@ ENCODER_WIRES = {
     "sensor.theta_rad": "smooth.theta_smooth_rad",
     "sensor.omega_rad_s": "velocity.omega_mid_rad_s",
 }
-ENCODER_INPUTS = {
+ENCODER_INPUTS: dict[str, tuple[str, ...]] = {
     f"{name}_{side}": (f"encoder_{side}.{name}",)
     for side in ("motor", "load")
     for name in ("count", "frame_error")
@@ -55,28 +59,64 @@ def without_axis(name: str, axis: str) -> str:
     return bare if of_axis(bare, axis) == name else name
 
 
+class AxisParts(NamedTuple):
+    """Blocks, wires, inputs and outputs of a System, or of one axis of it."""
+
+    blocks: dict[str, Any]
+    wires: dict[str, str]
+    inputs: dict[str, tuple[str, ...]]
+    outputs: dict[str, str]
+
+
+def instance_of(name: str, axis: str) -> str:
+    return f"{name}_{axis}" if axis else name
+
+
+def of_axes(axes: Sequence[str], one: AxisParts, shared: Collection[str] = ()) -> AxisParts:
+    """The parts of one axis for each; inputs that are ``shared`` feed all of them."""
+    every = AxisParts({}, {}, {}, {})
+    for axis in axes:
+
+        def end(signal: str, axis: str = axis) -> str:
+            name, _, port = signal.partition(".")
+            return signal if name == WATCH else f"{instance_of(name, axis)}.{port}"
+
+        every.blocks.update({instance_of(n, axis): b for n, b in one.blocks.items()})
+        every.wires.update({end(r): end(w) for r, w in one.wires.items()})
+        for name, sinks in one.inputs.items():
+            outer = name if name in shared else of_axis(name, axis)
+            every.inputs[outer] = every.inputs.get(outer, ()) + tuple(map(end, sinks))
+        every.outputs.update({of_axis(n, axis): end(s) for n, s in one.outputs.items()})
+    return every
+
+
 def sensing_system(
     device: DeviceData, velocity: Block, sensor: Block, *, counts: bool = True
 ) -> System:
     """Velocity estimate, smoothed deflection and torque sensor of every axis in one task."""
-    blocks, wires, inputs, outputs = sensing_parts(device, velocity, sensor)
-    order = list(blocks)
+    blocks = {"velocity": velocity, "sensor": sensor}
+    wires = {"sensor.omega_rad_s": "velocity.omega_mid_rad_s"}
+    sinks, told = ["velocity.theta_rad", "sensor.theta_rad"], {}
+    ports = ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm")
+    outputs = {n: f"sensor.{n}" for n in ports} | {"omega_rad_s": "velocity.omega_rad_s"}
+    outputs |= {f"{n}_status": f"{n}.status" for n in ("sensor", "velocity")}
     # Not where a loop closes over the torque: it gains nothing, and limp hands were driven into a
     # swing by the filter within a count (docs/sensor.md).
-    smoothing = smoothed_deflection(device)
-    for axis in device.axes if counts and device.file.joint is None else ():
-        rate, smooth, torque = (
-            f"{b.name}_{axis}" if axis else b.name for b in (velocity, smoothing, sensor)
-        )
-        blocks[smooth] = smoothing
-        order.insert(order.index(torque), smooth)
-        wires[f"{smooth}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
-        wires[f"{torque}.theta_rad"] = f"{smooth}.theta_smooth_rad"
-        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{smooth}.theta_rad")
-        outputs[f"{smooth}_status"] = f"{smooth}.status"
-    blocks = {n: blocks[n] for n in order}
-    task = Task("sense", tuple(order))
-    return System(device.name, device.period_s, blocks, (task,), wires, inputs, outputs)
+    if counts and device.file.joint is None:
+        smoothing = smoothed_deflection(device)
+        blocks = {"velocity": velocity, "smoothing": smoothing, "sensor": sensor}
+        wires["smoothing.omega_rad_s"] = "velocity.omega_mid_rad_s"
+        wires["sensor.theta_rad"] = "smoothing.theta_smooth_rad"
+        sinks[1] = "smoothing.theta_rad"
+        told = {"smoothing_status": "smoothing.status"}
+    one = AxisParts(blocks, wires, {"theta_rad": tuple(sinks)}, outputs)
+    parts = of_axes(device.axes, one)
+    ends = parts.outputs | of_axes(device.axes, AxisParts({}, {}, {}, told)).outputs
+    # The status of an instance is named by the whole of its name.
+    outputs = {f"{s[:-7]}_status" if s.endswith(".status") else n: s for n, s in ends.items()}
+    task = Task("sense", tuple(parts.blocks))
+    system = parts._replace(outputs=outputs)
+    return System(device.name, device.period_s, parts.blocks, (task,), *system[1:])
 
 
 def measures_counts(device: DeviceData) -> bool:
@@ -87,60 +127,21 @@ def measures_counts(device: DeviceData) -> bool:
 
 def counting_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
     """The measuring System from the counts of both encoders: what a board without a motor runs."""
-    parts = {
+    joint = section_of(device, "joint")
+    reach_rad = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value))
+    blocks = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
         "joint": deflection(device),
-        "load_rate": tracking_observer(
-            device, _reach_rad(device), device.file.velocity.bandwidth_Hz
-        ),
+        "load_rate": tracking_observer(device, reach_rad, device.file.velocity.bandwidth_Hz),
         "velocity": velocity,
         "smooth": smoothed_deflection(device),
         "sensor": sensor,
     }
-    told = {f"{n}_status": f"{n}.status" for n in parts}
-    blocks: dict[str, Component] = {}
-    wires: dict[str, str] = {}
-    inputs: dict[str, tuple[str, ...]] = {}
-    outputs: dict[str, str] = {}
-    tasks = []
-    for axis in device.axes:
-
-        def end(signal: str, axis: str = axis) -> str:
-            name, _, port = signal.partition(".")
-            return f"{name}_{axis}.{port}" if axis else signal
-
-        own = {end(f"{n}.").removesuffix("."): block for n, block in parts.items()}
-        blocks |= own
-        wires |= {end(r): end(w) for r, w in ENCODER_WIRES.items()}
-        inputs |= {of_axis(n, axis): tuple(map(end, s)) for n, s in ENCODER_INPUTS.items()}
-        outputs |= {of_axis(n, axis): end(s) for n, s in (ENCODER_OUTPUTS | told).items()}
-        tasks.append(Task(f"sense_{axis}" if axis else "sense", tuple(own)))
-    return System(device.name, device.period_s, blocks, tuple(tasks), wires, inputs, outputs)
-
-
-def _reach_rad(device: DeviceData) -> float:
-    joint = device.file.joint
-    assert joint is not None  # the deflection has asked for it
-    return max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value))
-
-
-def sensing_parts(
-    device: DeviceData, velocity: Block, sensor: Block
-) -> tuple[dict[str, Component], dict[str, str], dict[str, tuple[str, ...]], dict[str, str]]:
-    """Blocks, wires, inputs and outputs of the measuring System, to which others may add theirs."""
-    blocks: dict[str, Component] = {}
-    wires: dict[str, str] = {}
-    inputs: dict[str, tuple[str, ...]] = {}
-    outputs: dict[str, str] = {}
-    for axis in device.axes:
-        rate, torque = (f"{b.name}_{axis}" if axis else b.name for b in (velocity, sensor))
-        blocks |= {rate: velocity, torque: sensor}
-        wires[f"{torque}.omega_rad_s"] = f"{rate}.omega_mid_rad_s"
-        inputs[of_axis("theta_rad", axis)] = (f"{rate}.theta_rad", f"{torque}.theta_rad")
-        for port in ("tau_Nm", "tau_spring_Nm", "tau_rate_Nm", "tau_hysteresis_Nm"):
-            outputs[of_axis(port, axis)] = f"{torque}.{port}"
-        outputs[of_axis("omega_rad_s", axis)] = f"{rate}.omega_rad_s"
-        outputs[f"{torque}_status"] = f"{torque}.status"
-        outputs[f"{rate}_status"] = f"{rate}.status"
-    return blocks, wires, inputs, outputs
+    told = {f"{n}_status": f"{n}.status" for n in blocks}
+    one = AxisParts(blocks, ENCODER_WIRES, ENCODER_INPUTS, ENCODER_OUTPUTS | told)
+    parts = of_axes(device.axes, one)
+    tasks = tuple(
+        Task(instance_of("sense", a), tuple(instance_of(n, a) for n in blocks)) for a in device.axes
+    )
+    return System(device.name, device.period_s, parts.blocks, tasks, *parts[1:])

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.model.filters import tracking_observer
 from esea_gen.model.forward import call_named
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 
 class SetRate:

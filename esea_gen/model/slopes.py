@@ -41,10 +41,11 @@ def sloped(block: Block, outputs: Sequence[str], by: Sequence[str]) -> Block:
         out = {p.name: v for p, v in zip(block.coefficients, values[:count], strict=True)}
         return out | {kept.name: found(*given)}
 
-    return Block.of(
-        form,
+    return Block.define(
         "slopes",
         f"{block.title}, and its derivatives",
+        period_s=form.h,
+        step=form.step,
         tunables=block.tunables,
         coefficients=(*block.coefficients, kept),
         prepare=prepare,

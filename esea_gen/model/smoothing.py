@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Equation, Port, around, clip, status_port, threshold
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.language.ports import Port, around, clip, status_port, threshold
+from esea_gen.model.symbolic import equations
 
 # How fast what the rate predicts is corrected by the counts.  From 2 to 15 Hz the torque's error
 # changes by a fifth (docs/sensor.md): lower is better for sweeps, higher for reaches.
@@ -69,17 +66,14 @@ def smoothed_deflection(device: DeviceData) -> Block:
                 "the state was corrupt; it was started afresh",
             ),
         ),
-        equations=_equations(),
+        equations=equations(EQUATIONS),
         step=step,
     )
 
 
-def _equations() -> tuple[Equation, ...]:
-    theta, ahead, count, gain = sp.symbols("theta_k theta_a q_c kappa")
-    moved = sp.Symbol("theta_s,k-1") + sp.Symbol("h") * sp.Symbol("omega_m")
-    corrected = ahead + gain * (theta - ahead)
-    near = sp.Max(theta - count, sp.Min(corrected, theta + count))
-    return (
-        equation("[ahead]", "theta_a", moved, "moved on by the rate"),
-        equation("[near]", "theta_s", near, "corrected, within a count of the encoders'"),
-    )
+EQUATIONS = """
+    [ahead] | theta_a | theta{s,k-1} + h * omega_m | moved on by the rate
+    [near] | theta_s | \
+        Max(theta_k - q_c, Min(theta_a + kappa * (theta_k - theta_a), theta_k + q_c)) | \
+        corrected, within a count of the encoders'
+"""

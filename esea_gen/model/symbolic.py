@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 import sympy as sp
+from sympy.parsing.sympy_parser import auto_number, parse_expr
 from sympy.printing.mathml import MathMLPresentationPrinter
 
 from esea_gen.language.ports import Equation
@@ -50,6 +51,26 @@ def _lambdified(expression: sp.Expr) -> tuple[list[sp.Symbol], Callable[..., Any
     return symbols, function
 
 
+_NAME = re.compile(r"[A-Za-z]\w*(?:\{[^}]*\})?'*")
+_WORDS = "exp tanh cos sqrt cbrt sign Abs Max Min Sum Integral Piecewise pi true Integer Float"
+_KNOWN = {word: getattr(sp, word) for word in _WORDS.split()} | {"sum": sp.Function("sum")}
+
+
+def _formula(text: str) -> sp.Expr:
+    # Every word that is no function is a symbol: F{i,k-1} is F_i,k-1, and e' is e'.
+    symbols: dict[str, sp.Symbol] = {}
+
+    def plain(found: re.Match[str]) -> str:
+        word = found.group()
+        if word in _KNOWN:
+            return word
+        place = f"_{len(symbols)}"
+        symbols[place] = sp.Symbol(word.replace("{", "_").replace("}", ""))
+        return place
+
+    return parse_expr(_NAME.sub(plain, text), symbols, (auto_number,), _KNOWN)
+
+
 @cache
 def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equation:
     """An equation for documents, printed from the expression that is evaluated."""
@@ -60,3 +81,19 @@ def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equ
     # A minus sign where SymPy's printer puts a hyphen, inside names such as k-1 too.
     body = re.sub(r"(?<=>)([^<]*)(?=<)", lambda m: m.group().replace("-", "\u2212"), body)
     return Equation(number, f'<math display="block">{body}</math>', text)
+
+
+@cache
+def equations(rows: str, **known: sp.Expr) -> tuple[Equation, ...]:
+    """Equations, one a line: ``number | left side | formula | what it says``.
+
+    A formula that is a name in ``known`` is that expression: the one that is evaluated.
+    """
+    found = []
+    for row in filter(str.strip, rows.splitlines()):
+        number, left, right, text = (" ".join(x.split()) for x in f"{row} ".split(" | "))
+        lhs = _formula(left) if left.startswith("Abs(") else left
+        found.append(
+            equation(number, lhs, known[right] if right in known else _formula(right), text)
+        )
+    return tuple(found)

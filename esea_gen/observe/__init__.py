@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import f32_inside, threshold
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Actuator, Disturbance, Impedance, Joint
-    from esea_gen.devices.file import DeviceData
 
 
 # Ranges are the largest plausible magnitudes; d4 is the acceleration that the whole motor torque

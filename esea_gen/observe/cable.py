@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
-from esea_gen.errors import UserError
+from esea_gen.devices.fields import Cable, Redundancy
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Constant,
-    Equation,
     Flag,
     Port,
     around,
@@ -21,13 +19,9 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Cable, Redundancy
-    from esea_gen.devices.file import DeviceData
-
 
 USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
 
@@ -40,15 +34,19 @@ CLOSED_ABOVE = 1.5
 GIVES = "one over the cable's stiffness"
 
 
+EQUATIONS = """
+    [cable 1] | z | theta_g - theta_m - tau_e / k_c | where in the gap the cable lies
+    [cable 2] | z_e | Piecewise((z_high, tau_e > tau_0), (z_low, tau_e < -tau_0), \
+        (Max(z_low, Min(z_high, z)), true)) | at an end while torque says so, else between both
+    [cable 3] | dz_end | (1 - exp(-L * h)) * (z - z_e) | \
+        the end at which it lies is learnt; b = z_high - z_low
+    [cable 4] | w | z_e - (z_high + z_low) / 2 + tau_e / k_c | winding
+"""
+
+
 def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
-    f = device.file
-    if f.cable is None or f.redundancy is None:
-        name = "cable" if f.cable is None else "redundancy"
-        raise UserError(
-            f"{device.origin}: section [{name}] is missing: a law that knows the cable needs it.",
-            'Add it, or write drive = "rigid" in [predictive].',
-        )
-    return f.cable, f.redundancy
+    why = "a law that knows the cable needs it", 'Add it, or write drive = "rigid" in [predictive].'
+    return section_of(device, "cable", *why), section_of(device, "redundancy", *why)
 
 
 def wound_range_rad(device: DeviceData) -> float:
@@ -70,13 +68,7 @@ def give_most_rad_Nm(device: DeviceData) -> float:
 # other one.  Unknown zeros of the encoders are in the ends, and fall out of what is given.
 def cable_observer(device: DeviceData) -> Block:
     """Winding of the cable, and its backlash, from the encoders at both of its ends."""
-    law = _Cable(device)
-    return Block.of(
-        law,
-        "cable",
-        "Cable between gear and motor side: winding and backlash",
-        equations=_equations(),
-    )
+    return Block.of(_Cable(device))
 
 
 class _Cable:
@@ -98,6 +90,43 @@ class _Cable:
         self.mean_share = 1 - math.exp(-self.h * MEAN_SHARE * self.own.rate_1_s.value)
         self.end_lim = 1.01 * (self.seen_lim + self.most)
         self.wound_lim = wound_range_rad(device)
+        self.name = "cable"
+        self.title = "Cable between gear and motor side: winding and backlash"
+        self.equations = equations(EQUATIONS)
+        own = [c for c in self.device.constants("cable") if c.name in USED]
+        stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
+        self.constants = (*own, *stiff)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 when the last sample could be compared"),
+            around("high_rad", self.end_lim, "end of the gap at which the gear pulls upward"),
+            around("low_rad", self.end_lim, "its other end"),
+            Port("high_shown", 0.0, 1.0, "1 once a torque has shown that end"),
+            Port("low_shown", 0.0, 1.0, "1 once a torque has shown the other"),
+            Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
+            around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
+            around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
+            Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
+        )
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.inputs = (
+            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+        )
+        self.outputs = (
+            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            Port("give_rad_Nm", 0.0, self.softest, GIVES),
+            Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt; the gap is learnt afresh",
+                Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
+            ),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
@@ -170,61 +199,3 @@ class _Cable:
             "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
             "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 5]"),
         }
-
-    def constants(self) -> tuple[Constant, ...]:
-        own = [c for c in self.device.constants("cable") if c.name in USED]
-        stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
-        return (*own, *stiff)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 when the last sample could be compared"),
-            around("high_rad", self.end_lim, "end of the gap at which the gear pulls upward"),
-            around("low_rad", self.end_lim, "its other end"),
-            Port("high_shown", 0.0, 1.0, "1 once a torque has shown that end"),
-            Port("low_shown", 0.0, 1.0, "1 once a torque has shown the other"),
-            Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
-            around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
-            around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
-            Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
-        return (
-            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
-            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
-            around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        return (
-            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
-            Port("give_rad_Nm", 0.0, self.softest, GIVES),
-            Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
-            status_port(
-                "what is known of this sample",
-                "an input was NaN or outside its range",
-                "the state was corrupt; the gap is learnt afresh",
-                Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
-            ),
-        )
-
-
-def _equations() -> tuple[Equation, ...]:
-    g, m, tau, k, tau_0 = sp.symbols("theta_g theta_m tau_e k_c tau_0")
-    low, high, seen, end, rate, h = sp.symbols("z_low z_high z z_e L h")
-    inside = sp.Max(low, sp.Min(high, seen))
-    lies = sp.Piecewise((high, tau > tau_0), (low, tau < -tau_0), (inside, True))
-    learnt = (1 - sp.exp(-rate * h)) * (seen - end)
-    return (
-        equation("[cable 1]", "z", g - m - tau / k, "where in the gap the cable lies"),
-        equation("[cable 2]", "z_e", lies, "at an end while torque says so, else between both"),
-        equation(
-            "[cable 3]", "dz_end", learnt, "the end at which it lies is learnt; b = z_high - z_low"
-        ),
-        equation("[cable 4]", "w", end - (high + low) / 2 + tau / k, "winding"),
-    )

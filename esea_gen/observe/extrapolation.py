@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, around, clip, status_port, threshold
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The thesis fits the past 11 values and evaluates at the next 11; their spacing is not given: at
 # 1 ms the noise of a value would grow ten thousandfold until the eleventh next one.
@@ -33,21 +30,7 @@ def parabola_weights(values: int = VALUES, spacing_s: float = SPACING_S) -> Arra
 # the newest is now.  Until there are so many, the first one stands for those that are missing.
 def parabola(device: DeviceData) -> Block:
     """Torque of the person with slope and curvature, from a parabola through past values."""
-    law = _Parabola(device)
-    t, c0, c1, c2 = sp.symbols("t c_0 c_1 c_2")
-    return Block.of(
-        law,
-        "parabola",
-        "Torque of the person ahead: parabola through its past",
-        state=(
-            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
-            around("last_Nm", law.tau_lim, "value of the last step"),
-            around("past_Nm", law.tau_lim, "values before it, newest first", law.count - 2),
-        ),
-        equations=(
-            equation("[parabola]", "tau_h", c0 + c1 * t + c2 * t**2, "least squares, 11 values"),
-        ),
-    )
+    return Block.of(_Parabola(device))
 
 
 class _Parabola:
@@ -68,6 +51,30 @@ class _Parabola:
         # The farthest that any past within its range can give.
         reach = self.tau_lim * np.sum(np.abs(self.weights), axis=1)
         self.rate_lim, self.curve_lim = threshold(1.01 * reach[1]), threshold(2.02 * reach[2])
+        self.name = "parabola"
+        self.title = "Torque of the person ahead: parabola through its past"
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            around("last_Nm", self.tau_lim, "value of the last step"),
+            around("past_Nm", self.tau_lim, "values before it, newest first", self.count - 2),
+        )
+        self.equations = equations(
+            "[parabola] | tau_h | c_0 + c_1 * t + c_2 * t**2 | least squares, 11 values"
+        )
+        text = "estimated torque of the person"
+        self.inputs = (around("tau_h_Nm", self.tau_lim, text, 1, "(5.10)", on_invalid="last_Nm"),)
+        fit, clipped = ("tau_h_fit_Nm",), "the fit was clipped at its range"
+        self.outputs = (
+            around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
+            around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
+            status_port(
+                "what is known of it",
+                "the input was NaN or outside its range; the last one counts",
+                "the state was corrupt; started afresh",
+                Flag("CLIPPED", clipped, True, fit, self.tau_lim),
+            ),
+        )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         ok = guard.inputs_ok
@@ -88,21 +95,3 @@ class _Parabola:
             "status": guard.status(out),
         }
         return next_state, outputs
-
-    def inputs(self) -> tuple[Port, ...]:
-        text = "estimated torque of the person"
-        return (around("tau_h_Nm", self.tau_lim, text, 1, "(5.10)", on_invalid="last_Nm"),)
-
-    def outputs(self) -> tuple[Port, ...]:
-        fit, clipped = ("tau_h_fit_Nm",), "the fit was clipped at its range"
-        return (
-            around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
-            around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
-            around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
-            status_port(
-                "what is known of it",
-                "the input was NaN or outside its range; the last one counts",
-                "the state was corrupt; started afresh",
-                Flag("CLIPPED", clipped, True, fit, self.tau_lim),
-            ),
-        )

@@ -6,20 +6,18 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Array,
-    Equation,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     f32_inside,
@@ -27,12 +25,9 @@ from esea_gen.language.ports import (
     threshold,
 )
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import bandwidth_tunable, share_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The decay of the torque's rate may be tuned by this factor either way.
 DECAY_FACTOR = 5.0
@@ -40,28 +35,30 @@ DECAY_FACTOR = 5.0
 SLOWEST_POLE = 0.9999
 
 
+LAG_EQUATIONS = """
+    (5.3) | J_h omega_l' | tau_e + tau_h | load side
+    (5.10) | tau_h,k | tau{h,k-1} + (1 - exp(-L * h)) \
+        * (J_h * (omega{l,k} - omega{l,k-1}) / h - tau_e - tau{h,k-1}) | \
+        torque of the person: a lag of bandwidth L
+"""
+EQUATIONS = """
+    [eso 1] | nu | theta_enc - theta_l | innovation
+    [eso 2] | theta_l | theta_l + l_1 * nu | angle, corrected
+    [eso 3] | omega_l | omega_l + l_2 * nu | rate, corrected
+    [eso 4] | tau_h | tau_h + l_3 * nu | torque of the person, corrected
+    [eso 5] | rho | rho + l_4 * nu | its rate, corrected
+    [eso 6] | theta_l,k+1 | theta_l + h * omega_l + h**2 * (tau_e + tau_h) / (2 * J_h) | prediction
+    [eso 7] | omega_l,k+1 | omega_l + h * (tau_e + tau_h) / J_h | prediction (5.3)
+    [eso 8] | tau_h,k+1 | tau_h + T_d * (1 - exp(-h / T_d)) * rho | prediction
+    [eso 9] | rho_k+1 | exp(-h / T_d) * rho | prediction
+"""
+
+
 # In float32 an increment below half a unit in the last place is lost: the estimate stops short of
 # its end by up to 2^-25 of its size over L h: at 0.25 1/s and 1 kHz 1.2e-4 of the torque.
 def lag_observer(device: DeviceData) -> Block:
     """Torque of the person in momentum form, a first-order lag (5.10)."""
-    law = _Lag(device)
-    clipped = "the estimate was clipped at its range"
-    return Block.of(
-        law,
-        "human_lag",
-        "Torque of the person: first-order lag",
-        constants=device.constants("joint"),
-        coefficients=(Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),),
-        outputs=(
-            around("tau_h_Nm", law.tau_h_lim, "torque of the person", equation="(5.10)"),
-            status_port(
-                "what is known of this estimate",
-                "an input was NaN or outside its range; tau_h is held",
-                "the state was corrupt; the observer was started afresh",
-                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), law.tau_h_lim),
-            ),
-        ),
-    )
+    return Block.of(_Lag(device))
 
 
 class _Lag:
@@ -72,6 +69,41 @@ class _Lag:
         self.inertia = self.drive.joint.Jh_kgm2.value
         self.tau_lim, self.tau_h_lim = self.drive.tau_Nm, self.drive.tau_h_Nm
         self.omega_lim = self.drive.omega_rad_s
+        self.name = "human_lag"
+        self.title = "Torque of the person: first-order lag"
+        self.constants = device.constants("joint")
+        self.equations = equations(LAG_EQUATIONS)
+        self.coefficients = (Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),)
+        clipped = "the estimate was clipped at its range"
+        self.outputs = (
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
+            status_port(
+                "what is known of this estimate",
+                "an input was NaN or outside its range; tau_h is held",
+                "the state was corrupt; the observer was started afresh",
+                Flag("CLIPPED", clipped, True, ("tau_h_Nm",), self.tau_h_lim),
+            ),
+        )
+        self.tunables = (
+            bandwidth_tunable(
+                self.device,
+                self.drive.disturbance.human_1_s,
+                self.drive.joint.load_velocity_Hz,
+                "disturbance.human_1_s",
+                "joint.load_velocity_Hz",
+            ),
+        )
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
+        )
+        rate, torque = "load side's rate", "interaction torque on the load"
+        self.inputs = (
+            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         return {"share": share_of(t.bandwidth_1_s, self.h)}
@@ -95,42 +127,6 @@ class _Lag:
             "status": guard.status(ca.logic_and(ready, ca.fabs(moved) > self.tau_h_lim)),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        return (
-            bandwidth_tunable(
-                self.device,
-                self.drive.disturbance.human_1_s,
-                self.drive.joint.load_velocity_Hz,
-                "disturbance.human_1_s",
-                "joint.load_velocity_Hz",
-            ),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
-            around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        rate, torque = "load side's rate", "interaction torque on the load"
-        return (
-            around("omega_load_rad_s", self.omega_lim, rate, on_invalid="omega_last_rad_s"),
-            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        tau_p, h_s, bandwidth = sp.Symbol("tau_h,k-1"), sp.Symbol("h"), sp.Symbol("L")
-        rise_s = (sp.Symbol("omega_l,k") - sp.Symbol("omega_l,k-1")) / h_s
-        unexplained = sp.Symbol("J_h") * rise_s - sp.Symbol("tau_e") - tau_p
-        following = tau_p + (1 - sp.exp(-bandwidth * h_s)) * unexplained
-        return (
-            equation("(5.3)", "J_h omega_l'", sp.Symbol("tau_e") + sp.Symbol("tau_h"), "load side"),
-            equation("(5.10)", "tau_h,k", following, "torque of the person: a lag of bandwidth L"),
-        )
 
 
 def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
@@ -156,23 +152,7 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
 # without samples it may rest at the end of that room, and a flag says so.
 def extended_state(device: DeviceData) -> Block:
     """Torque of the person, its rate, and the load side's motion, by an extended-state observer."""
-    law = _ExtendedState(device)
-    return Block.of(
-        law,
-        "human_eso",
-        "Torque of the person: extended-state observer",
-        constants=(
-            *device.constants("joint"),
-            *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
-        ),
-        coefficients=(
-            Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
-            Port("reach_s", 0.0, law.h, "torque gained in a step, per rate"),
-        ),
-        # Between a prediction and a sample, both of which lie there: gain_theta is at most 1.
-        facts={"theta_load_est_rad": (law.theta_low, law.theta_high)},
-        streams=STREAMS,
-    )
+    return Block.of(_ExtendedState(device))
 
 
 def _check_gains(device: DeviceData, decays_s: tuple[float, ...]) -> None:
@@ -217,6 +197,64 @@ class _ExtendedState:
         moved = self.h * (self.omega_lim + 0.5 * most)
         room = min(1.01 * moved / max(self.gain["theta"], 1e-9), high - low)
         self.theta_low, self.theta_high = f32_inside(low - room, high + room)
+        self._ports(device)
+
+    def _ports(self, device: DeviceData) -> None:
+        self.name = "human_eso"
+        self.title = "Torque of the person: extended-state observer"
+        self.constants = (
+            *device.constants("joint"),
+            *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
+        )
+        self.coefficients = (
+            Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
+            Port("reach_s", 0.0, self.h, "torque gained in a step, per rate"),
+        )
+        self.facts = {"theta_load_est_rad": (self.theta_low, self.theta_high)}
+        self.equations = equations(EQUATIONS)
+        self.streams = STREAMS
+        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
+        self.tunables = (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
+            around("omega_rad_s", self.omega_room, "predicted rate"),
+            around("tau_h_Nm", self.tau_room, "predicted torque"),
+            around("rate_Nm_s", self.rate_lim, "predicted rate of the torque"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
+        )
+        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
+        torque = "interaction torque on the load"
+        self.inputs = (
+            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
+            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
+        )
+        ends = self.theta_low, self.theta_high
+        unseen = "an input was NaN or outside its range; the observer predicts without correction"
+        past = "the angle was predicted past its range, without a valid sample; it rests there"
+        clipped = (
+            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
+            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
+            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
+        )
+        self.outputs = (
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
+            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
+            status_port(
+                "what is known of this estimate",
+                unseen,
+                "the state was corrupt; the observer was started afresh",
+                *(
+                    Flag(
+                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
+                    )
+                    for word, what, n, most in clipped
+                ),
+                Flag("ANGLE_CLIPPED", past, True),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         keep = ca.exp(-self.h / t.decay_s)
@@ -268,73 +306,6 @@ class _ExtendedState:
             ),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
-        return (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
-            around("omega_rad_s", self.omega_room, "predicted rate"),
-            around("tau_h_Nm", self.tau_room, "predicted torque"),
-            around("rate_Nm_s", self.rate_lim, "predicted rate of the torque"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        ends = self.drive.theta_low_rad, self.drive.theta_high_rad
-        torque = "interaction torque on the load"
-        return (
-            Port("theta_load_rad", *ends, "load side's angle", on_invalid="theta_rad"),
-            around("tau_Nm", self.tau_lim, torque, on_invalid="tau_last_Nm"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        ends = self.theta_low, self.theta_high
-        unseen = "an input was NaN or outside its range; the observer predicts without correction"
-        past = "the angle was predicted past its range, without a valid sample; it rests there"
-        clipped = (
-            ("OMEGA", "load side's rate", "omega_load_rad_s", self.omega_lim),
-            ("TORQUE", "torque of the person", "tau_h_Nm", self.tau_h_lim),
-            ("TORQUE_RATE", "rate of that torque", "tau_h_rate_Nm_s", self.rate_lim),
-        )
-        return (
-            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
-            around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
-            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
-            status_port(
-                "what is known of this estimate",
-                unseen,
-                "the state was corrupt; the observer was started afresh",
-                *(
-                    Flag(
-                        f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most
-                    )
-                    for word, what, n, most in clipped
-                ),
-                Flag("ANGLE_CLIPPED", past, True),
-            ),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        x, v, a, r, nu, h_s, t_d = sp.symbols("theta_l omega_l tau_h rho nu h T_d")
-        tau_e, jh = sp.symbols("tau_e J_h")
-        l1, l2, l3, l4 = sp.symbols("l_1 l_2 l_3 l_4")
-        ahead = x + h_s * v + h_s**2 * (tau_e + a) / (2 * jh)
-        return (
-            equation("[eso 1]", "nu", sp.Symbol("theta_enc") - x, "innovation"),
-            equation("[eso 2]", "theta_l", x + l1 * nu, "angle, corrected"),
-            equation("[eso 3]", "omega_l", v + l2 * nu, "rate, corrected"),
-            equation("[eso 4]", "tau_h", a + l3 * nu, "torque of the person, corrected"),
-            equation("[eso 5]", "rho", r + l4 * nu, "its rate, corrected"),
-            equation("[eso 6]", "theta_l,k+1", ahead, "prediction"),
-            equation("[eso 7]", "omega_l,k+1", v + h_s * (tau_e + a) / jh, "prediction (5.3)"),
-            equation("[eso 8]", "tau_h,k+1", a + t_d * (1 - sp.exp(-h_s / t_d)) * r, "prediction"),
-            equation("[eso 9]", "rho_k+1", sp.exp(-h_s / t_d) * r, "prediction"),
-        )
 
 
 # Share of the largest rate and of the largest torque that an ordinary motion takes.

@@ -9,29 +9,24 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
+from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
-    from esea_gen.devices.numbers import Quantity
 
 # Damping 1/Q of the two sections: twice the cosine of the poles' angles, pi/8 and 3 pi/8.
 DAMPING = (2 * math.cos(math.pi / 8), 2 * math.cos(3 * math.pi / 8))
@@ -43,6 +38,18 @@ LEVELS = 8
 # The filter's states stay below this many times the largest |difference|: the sums of the
 # magnitudes of their impulse responses are below 4.2 for every cut-off (test_observers).
 STATE_ROOM = 5.0
+
+
+EQUATIONS = """
+    [rate 1] | H | 1 / (((s / omega_c)**2 + k_1 * s / omega_c + 1) \
+        * ((s / omega_c)**2 + k_2 * s / omega_c + 1)) | \
+        Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off
+    [rate 2] | k_1 | 2 * cos(pi / 8) | damping of the first section
+    [rate 3] | k_2 | 2 * cos(3 * pi / 8) | damping of the second section
+    [rate 4] | d | (theta_k - theta{k-1}) / h | difference, taken before the filter
+    [rate 5] | tan(x) | x / (1 - x**2 / (3 - x**2 / 5)) | \
+        prewarping: Lambert's continued fraction, eight levels of which three are shown
+"""
 
 
 def cutoff_range(device: DeviceData, cutoff: Quantity) -> tuple[float, float]:
@@ -75,14 +82,7 @@ def tangent(x: Any) -> Any:
 # so that what was moved meanwhile makes no spike.
 def butterworth_rate(device: DeviceData, name: str, cutoff: Quantity) -> Block:
     """Rate of a joint angle behind a Butterworth filter of fourth order (Zavalishin 2012)."""
-    law = _Butterworth(device, name, cutoff)
-    return Block.of(
-        law,
-        name,
-        "Angular rate: difference behind a fourth-order Butterworth filter",
-        constants=device.constants("timing"),
-        coefficients=tuple(Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)),
-    )
+    return Block.of(_Butterworth(device, name, cutoff))
 
 
 class _Butterworth:
@@ -98,6 +98,35 @@ class _Butterworth:
         low, high = self.angles = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.reach = threshold(0.05 * (high - low) / self.h)
         self.room = STATE_ROOM * self.reach
+        self.name = name
+        self.title = "Angular rate: difference behind a fourth-order Butterworth filter"
+        self.constants = device.constants("timing")
+        self.equations = equations(EQUATIONS)
+        self.coefficients = tuple(
+            Port(f"gain_{i}", 0.0, 1.0, f"gains of section {i}", 3) for i in (1, 2)
+        )
+        text = "cut-off: higher follows faster and passes more noise"
+        self.tunables = (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
+        self.state = (
+            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port("theta_last_rad", *self.angles, "angle, last step"),
+            around("omega_held_rad_s", self.room, "filtered rate of the last step"),
+            around("first_rad_s", self.room, "integrators of the first section", 2),
+            around("second_rad_s", self.room, "integrators of the second section", 2),
+        )
+        self.inputs = (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
+        fast = "the filtered rate was clipped at its physical range"
+        jumped = "the angle jumped by more than a twentieth of its range; clipped"
+        self.outputs = (
+            around("omega_rad_s", self.limit, "filtered rate of the angle"),
+            status_port(
+                "what is known of this sample",
+                "the angle was NaN or outside its range; the rate is held",
+                "the state was corrupt; the filter was started afresh",
+                Flag("STEP_CLIPPED", jumped, True),
+                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
+            ),
+        )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
         g = tangent(math.pi * self.h * t.cutoff_Hz)
@@ -138,54 +167,6 @@ class _Butterworth:
             ),
         }
         return next_state, outputs
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        text = "cut-off: higher follows faster and passes more noise"
-        return (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
-            Port("theta_last_rad", *self.angles, "angle, last step"),
-            around("omega_held_rad_s", self.room, "filtered rate of the last step"),
-            around("first_rad_s", self.room, "integrators of the first section", 2),
-            around("second_rad_s", self.room, "integrators of the second section", 2),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (Port("theta_rad", *self.angles, "joint angle", on_invalid="theta_last_rad"),)
-
-    def outputs(self) -> tuple[Port, ...]:
-        fast = "the filtered rate was clipped at its physical range"
-        jumped = "the angle jumped by more than a twentieth of its range; clipped"
-        return (
-            around("omega_rad_s", self.limit, "filtered rate of the angle"),
-            status_port(
-                "what is known of this sample",
-                "the angle was NaN or outside its range; the rate is held",
-                "the state was corrupt; the filter was started afresh",
-                Flag("STEP_CLIPPED", jumped, True),
-                Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
-            ),
-        )
-
-    def equations(self) -> tuple[Equation, ...]:
-        s, wc, d, x, h = sp.symbols("s omega_c d x h")
-        wide, narrow = sp.symbols("k_1 k_2")
-        filtered = 1 / (((s / wc) ** 2 + wide * s / wc + 1) * ((s / wc) ** 2 + narrow * s / wc + 1))
-        change = (sp.Symbol("theta_k") - sp.Symbol("theta_k-1")) / h
-        warped = x / (1 - x**2 / (3 - x**2 / 5))
-        texts = (
-            "Butterworth filter of fourth order; bilinear transform, prewarped at the cut-off",
-            "prewarping: Lambert's continued fraction, eight levels of which three are shown",
-        )
-        return (
-            equation("[rate 1]", "H", filtered, texts[0]),
-            equation("[rate 2]", "k_1", 2 * sp.cos(sp.pi / 8), "damping of the first section"),
-            equation("[rate 3]", "k_2", 2 * sp.cos(3 * sp.pi / 8), "damping of the second section"),
-            equation("[rate 4]", d, change, "difference, taken before the filter"),
-            equation("[rate 5]", "tan(x)", warped, texts[1]),
-        )
 
 
 def motor_rate(device: DeviceData) -> Block:

@@ -11,11 +11,11 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
+from esea_gen.files import plain
 from esea_gen.report import drive, sensing
-from esea_gen.report.board import Say, run_board
 from esea_gen.report.common import REAL_NAMES
-from esea_gen.report.findings import Findings
-from esea_gen.report.page import finite, render
+from esea_gen.report.findings import Findings, Say, run_board
+from esea_gen.report.page import render
 from esea_gen.targets import DEFAULT_BOARD
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.verdict import Verification
@@ -32,13 +32,11 @@ class Report(Findings):
 
     @property
     def passed(self) -> bool:
-        """Whether the C is what was promised, and no run of a controller was unstable."""
         # How well a model fits or a controller follows does not enter.
         return self.verification.passed and self.board.passed and not drive.problems(self)
 
     @property
     def problems(self) -> list[str]:
-        """Everything that failed, one line each."""
         found = [*verification_problems(self.verification), *self.board.problems]
         return found + drive.problems(self)
 
@@ -52,11 +50,10 @@ class Report(Findings):
         }
         for section in (self.kind.HEAD, *self.kind.SECTIONS):
             content |= section.content(self)
-        finished: dict[str, Any] = finite(content | {"command": self.command})
+        finished: dict[str, Any] = plain(content | {"command": self.command}, null=True)
         return finished
 
     def summary(self) -> list[str]:
-        """A few lines for the terminal."""
         problems = self.problems
         lines = [
             f"{self.device.title}: {'passed' if self.passed else 'FAILED'} "
@@ -68,13 +65,11 @@ class Report(Findings):
         return [*lines, *self.kind.summary(self)]
 
     def html(self) -> str:
-        """The page, one self-contained file."""
         head, sections, title = self.kind.HEAD, self.kind.SECTIONS, self.device.title
         return render(head, sections, self, title=title, f=self.to_dict(), reals=REAL_NAMES)
 
 
 def verification_problems(verification: Verification) -> list[str]:
-    """Every comparison that failed, one line each."""
     found = []
     for c in verification.comparisons:
         where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"

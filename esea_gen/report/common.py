@@ -133,7 +133,6 @@ def made_with(found: Findings) -> dict[str, Any]:
 
 
 def board_note(found: Findings) -> list[str]:
-    """Why the firmware was not run."""
     return [f"The firmware was not run: {found.board.skipped}"] if found.board.skipped else []
 
 

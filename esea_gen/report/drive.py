@@ -11,12 +11,10 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
 from esea_gen.plotting import svg
 from esea_gen.report import common
-from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
-from esea_gen.report.findings import Findings
+from esea_gen.report.findings import Findings, Say
 from esea_gen.report.page import PageSection
-from esea_gen.studies.outcome import Simulation
-from esea_gen.studies.simulation import default_person, simulate
+from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.verify.verdict import Comparison
@@ -52,7 +50,6 @@ def no_yardstick(device: Device) -> str:
 
 
 def summary(found: Findings) -> list[str]:
-    """Torque errors by experiment, board."""
     lines = []
     rows = _experiments(found)["experiments"]
     for name in COMPARED:
@@ -71,7 +68,6 @@ def _mean_text(rows: list[dict[str, Any]], key: str) -> str:
 
 
 def problems(found: Findings) -> list[str]:
-    """Runs of the device's controller that did not end well."""
     return [
         f"{name}, {case['name']}: {', '.join(k for k in BADLY if case.get(k))}"
         for name, simulation in found.simulations.items()

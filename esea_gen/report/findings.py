@@ -2,19 +2,109 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.board.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.firmware import FirmwareImage, build_firmware
 from esea_gen.device import Device
 from esea_gen.emit.build import Bundle
+from esea_gen.errors import UserError
 from esea_gen.identify import MappingFile, Recording
 from esea_gen.identify.recording.reading import resample
-from esea_gen.report.board import BoardRun
-from esea_gen.studies.outcome import Simulation
+from esea_gen.studies.simulation import Simulation
+from esea_gen.targets import firmware_boards
+from esea_gen.twin.recorded import record_drive
+from esea_gen.verify.streams import deflection_inputs
 from esea_gen.verify.verdict import Comparison, Verification
+
+Say = Callable[[str], None]
+
+TICKS = 3000  # of the tuning case, for a device with a law
+
+
+@dataclass(frozen=True)
+class BoardRun:
+    name: str
+    title: str
+    image: FirmwareImage | None = None
+    results: Mapping[str, EmulatorResult] | None = None  # by stream, or by task
+    skipped: str = ""  # why it did not run: a tool is missing
+    failed: str = ""  # why it did not run: something is wrong
+
+    @property
+    def passed(self) -> bool:
+        """False when it failed or any bit differs; a board that was skipped is not judged."""
+        return not self.failed and all(
+            r.identical and r.hash_matches for r in (self.results or {}).values()
+        )
+
+    @property
+    def problems(self) -> list[str]:
+        found = [f"board {self.name}: {self.failed}"] if self.failed else []
+        for label, r in (self.results or {}).items():
+            where = f"board {r.board}, {label}"
+            if r.first_difference is not None:
+                d = r.first_difference
+                found.append(
+                    f"{where}: {d.output} at step {d.step} is {d.board}, on the host {d.host}"
+                )
+            if not r.hash_matches:
+                found.append(f"{where}: runs content {r.content_hash}, expected {r.expected_hash}")
+        return found
+
+    def summary(self, steps: str) -> list[str]:
+        lines = [f"board {self.name}: skipped: {self.skipped}"] if self.skipped else []
+        for label, r in (self.results or {}).items():
+            same = "every bit as on the host" if r.identical else "BITS DIFFER"
+            n = r.instructions
+            count = f", {n['median']} instructions a {steps} (median, emulated)" if n else ""
+            lines.append(f"board {r.board}, {label}: {r.steps} {steps}s, {same}{count}")
+        return lines
+
+
+def run_board(
+    device: Device,
+    board: str,
+    deflections: Mapping[str, npt.NDArray[Any]],
+    say: Say,
+    ticks: int = TICKS,
+) -> BoardRun:
+    """Build firmware and run it: with a law on a closed loop's inputs, else on deflections."""
+    known = firmware_boards()
+    title = known[board].title if board in known else ""
+    image, skipped, failed = None, "", ""
+    results: dict[str, EmulatorResult] = {}
+
+    def told(what: str) -> Callable[[int, int], None]:
+        return lambda done, steps: say(f"emulating {what}: {100 * done // steps} %")
+
+    try:
+        with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
+            say(f"building firmware for {board}")
+            image = build_firmware(device, board, Path(scratch))
+            if device.laws:
+                inputs = record_drive(device, ticks).inputs
+                results |= run_tasks_in_emulator(device, image, inputs, progress=told("tasks"))
+            for label, theta in deflections.items():
+                given = deflection_inputs(device.system, theta)
+                results[label] = run_in_emulator(device, image, given, progress=told(label))
+    except UserError as error:
+        if board not in known or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
+            raise
+        skipped = str(error)
+    except RuntimeError as error:
+        # A board that does not build or answer is a finding: the page says so and fails.
+        failed = str(error)
+    return BoardRun(board, title, image, results, skipped, failed)
+
 
 Array = npt.NDArray[Any]
 
@@ -38,8 +128,6 @@ class Run:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found of a device."""
-
     device: Device
     verification: Verification  # the C against the symbolic Blocks
     bundles: tuple[Bundle, ...]
@@ -56,6 +144,5 @@ class Findings:
         return self.mapping is not None and self.mapping.mapping.device.name == self.device.name
 
     def comparisons(self, block: str, real: str) -> list[Comparison]:
-        """Comparisons of a Block in a number format."""
         every = self.verification.comparisons
         return [c for c in every if c.block == block and c.real == real]

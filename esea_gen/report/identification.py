@@ -6,21 +6,22 @@ from typing import Any
 
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
+from esea_gen.files import plain
 from esea_gen.identify import Identification
 from esea_gen.identify.identified import Identified
-from esea_gen.model.elastomer import RATE_KEYS
+from esea_gen.identify.published.space import place_of
+from esea_gen.plotting import svg
 from esea_gen.report import figures
-from esea_gen.report.page import PageSection, finite, render
+from esea_gen.report.page import PageSection, render
 
 
 def identification_page(result: Identified) -> str:
-    """The page of an identification, one self-contained file."""
-    content = finite(result.to_dict()) | {"content_hash": device_hash(result.device)}
+    content = plain(result.to_dict(), null=True) | {"content_hash": device_hash(result.device)}
     content["command"] = f"esea-gen identify {content['mapping']}"
     if "model" in content:
         content["command"] += f' --model "{content["model"]["member"]}"'
     parameters = [
-        {"key": key, "meaning": field_facts(dotted(key))["text"], **p}
+        {"key": key, "meaning": field_facts(place_of(key))["text"], **p}
         for key, p in content.get("parameters", {}).items()
     ]
     assumed = [(key, q) for key, q in result.device.quantities() if q.status == "assumed"]
@@ -32,13 +33,14 @@ def identification_page(result: Identified) -> str:
 
 
 def _uncertainty(result: Identification) -> dict[str, Any]:
-    content = finite(result.to_dict())
+    content = plain(result.to_dict(), null=True)
     weakest = content["uncertainty"]["weakest"] or {}
     direction = (weakest.get("direction") or {}).items()
     rows = [(key, p["value"], p["sigma"]) for key, p in content["parameters"].items()]
     ordered = sorted(direction, key=lambda kv: -abs(kv[1]))
     change = weakest.get("rms_change_Nm")
-    return {"weakest": ordered, "weakest_change": change, "spread": figures.spread(rows, "spread")}
+    spread = svg(figures.spread(rows), "spread", "Standard deviations of the parameters")
+    return {"weakest": ordered, "weakest_change": change, "spread": spread}
 
 
 def _torque(result: Identified) -> dict[str, Any]:
@@ -56,8 +58,3 @@ SECTIONS = (
     PageSection("identification/specimen", "Specimen"),
     PageSection("identification/search", "Data and search"),
 )
-
-
-def dotted(key: str) -> str:
-    """A parameter's key in the device file."""
-    return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import jinja2
 from markupsafe import Markup
-from pydantic_core import to_jsonable_python
 
 from esea_gen import pages
 
@@ -17,8 +16,6 @@ STATUS_MARKS = {"published": "●", "identified": "◆", "assumed": "▲", "deri
 
 
 class PageSection(NamedTuple):
-    """A part of a page."""
-
     part: str  # its template below templates/report; the last word is its anchor
     title: str = ""  # in the page's list of sections
     content: Callable[[Any], dict[str, Any]] = lambda _: {}  # its part of the JSON
@@ -42,7 +39,6 @@ def environment() -> jinja2.Environment:
 
 
 def render(head: PageSection, sections: Sequence[PageSection], found: Any, **context: Any) -> str:
-    """A page, one self-contained file."""
     for section in (head, *sections):
         context |= section.shown(found)
     template = environment().get_template("report/page.html.j2")
@@ -94,8 +90,3 @@ def for_people(value: float, unit: str) -> str:
 def count_text(value: int) -> str:
     """A whole number with thin spaces between thousands."""
     return f"{value:,}".replace(",", "\u202f")
-
-
-def finite(content: Any) -> Any:
-    """JSON-ready content: None in place of NaN and infinity, plain Python numbers."""
-    return to_jsonable_python(content, inf_nan_mode="null", fallback=lambda v: v.tolist())

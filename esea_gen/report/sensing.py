@@ -10,15 +10,15 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordings, recordings_for
-from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.recorded import Misfits
 from esea_gen.identify.verdict import temperature_tunables
 from esea_gen.language.block import Block
 from esea_gen.language.ports import unit_of
 from esea_gen.language.stream import single
+from esea_gen.plotting import svg
 from esea_gen.report import common, figures
-from esea_gen.report.board import Say
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
-from esea_gen.report.findings import Array, Findings, Run
+from esea_gen.report.findings import Array, Findings, Run, Say
 from esea_gen.report.page import PageSection, count_text
 from esea_gen.verify.bounds import operating_ranges
 from esea_gen.verify.compare import F64_TOLERANCE
@@ -125,7 +125,6 @@ def _head(found: Findings) -> dict[str, Any]:
 
 
 def summary(found: Findings) -> list[str]:
-    """Worst errors, board, fit, what is assumed or missing."""
     lines = [
         f"{REAL_NAMES[real]}: worst error {w['percent']:.2g} % of full scale "
         f"({w['block']}.{w['output']}, {w['stream']}), limit {w['bound_percent']:.2g} %"
@@ -213,7 +212,8 @@ def _overview(found: Findings) -> Any:
         rows.append((stream, f64, f32, percent(stream, "f32", "limits")))
     means = (_fit(found) or {}).get("mean_rms_percent", {})
     rms = means.get("held_out") or means.get("training")
-    return figures.error_overview(rows, rms, "overview")
+    figure = figures.error_overview(rows, rms)
+    return svg(figure, "overview", "Largest torque errors by stream and number format")
 
 
 def _bounds(found: Findings) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.identify.family.compare import THESIS
 from esea_gen.identify.notes import LIKELY
-from esea_gen.identify.worth import RATE_EDGES, TORQUE_EDGES
+from esea_gen.identify.published.space import place_of
+from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES
 from esea_gen.report import figures
 from esea_gen.report.common import scales
-from esea_gen.report.identification import dotted
 from esea_gen.report.page import PageSection, render
 from esea_gen.report.specimen_results import AGREED, COMPARED, LIFE, NAMES, SpecimenResults
 
@@ -29,7 +29,6 @@ SCALES = {
 
 
 def specimen_page(found: SpecimenResults, command: str) -> str:
-    """The page, one self-contained file."""
     content = found.identified | {"command": command, "content_hash": device_hash(found.device)}
     model = content["model"]["member"] if "model" in content else THESIS
     shown = {
@@ -57,7 +56,7 @@ def _loops(found: SpecimenResults) -> dict[str, Any]:
         sets = tuple(p for p in curve.parts if p[0] != figures.WHOLE)
         traces.append(replace(curve, parts=sets))
     whole = figures.joined(traces)
-    drawn = figures.loops(whole, "loops", figures.POINTS_PER_PAGE // 2)
+    drawn = figures.loops_svg(whole, "loops", figures.POINTS_PER_PAGE // 2)
     return {"loops": drawn, "panels": len(whole.parts), "most": figures.MOST_PANELS}
 
 
@@ -66,7 +65,7 @@ def _parameters(found: SpecimenResults) -> dict[str, Any]:
     known, content = dict(found.device.quantities()), found.identified
     rows = []
     for key, p in content.get("parameters", {}).items():
-        place = dotted(key)
+        place = place_of(key)
         row = {"name": key, "meaning": field_facts(place)["text"], "unit": p["unit"]}
         rows.append(row | _interval(p["value"], p["sigma"], p["low"], p["high"], known[place]))
     for i, t in enumerate(content["model"]["terms"] if "model" in content else ()):

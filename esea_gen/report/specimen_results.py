@@ -18,15 +18,13 @@ from esea_gen.device import Device
 from esea_gen.devices.fatigue import LifeUsed
 from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
-from esea_gen.files import read_result
+from esea_gen.files import plain, read_result
 from esea_gen.identify import MappingFile, Recording, identify, judge, load_mapping, load_recordings
 from esea_gen.identify.family.compare import THESIS, CompareRow
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
-from esea_gen.identify.verdict import Verdict
-from esea_gen.identify.worth import TorqueWorth
-from esea_gen.report.page import finite
+from esea_gen.identify.verdict import TorqueWorth, Verdict
 from esea_gen.toml_file import checked
 
 IDENTIFIED, COMPARED, AGREED, LIFE = "identify", "identify-compare", "reliability", "host-life"
@@ -96,8 +94,6 @@ KINDS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class SpecimenResults:
-    """All that is known of a specimen."""
-
     asked: str  # mapping file and folder of the data, as they are typed
     source: MappingFile
     recordings: tuple[Recording, ...]
@@ -157,7 +153,8 @@ def gather_specimen(
             if model == THESIS
             else identify_member(mapping, model, data, tell)
         )
-        identified, device, verdict = finite(result.to_dict()), result.device, result.verdict
+        identified = plain(result.to_dict(), null=True)
+        device, verdict = result.device, result.verdict
     if COMPARED in given:
         _check_scale(*given[COMPARED], identified)
     serial = source.mapping.specimen.serial

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from esea_gen.report.page import environment
-from esea_gen.reproduce.catalogue import DIFFERS, REPRODUCED, TAKEN, UNEXPLAINED
-from esea_gen.reproduce.thesis import Recomputed
+from esea_gen.reproduce.thesis import DIFFERS, REPRODUCED, TAKEN, UNEXPLAINED, Recomputed
 
 _TONES = {REPRODUCED: "good", TAKEN: "good", DIFFERS: "warn", UNEXPLAINED: "bad"}
 

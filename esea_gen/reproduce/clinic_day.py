@@ -16,13 +16,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from esea_gen.analysis.plots import new_figure, styled
 from esea_gen.device import Device, load_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
+from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING
 from esea_gen.reproduce.measures import (
     FUNCTIONAL_CYCLES,
     SESSIONS,
@@ -30,10 +33,7 @@ from esea_gen.reproduce.measures import (
     FUNCTIONAL_Hz,
     SIMPLE_Hz,
 )
-from esea_gen.reproduce.reproduction import Reproduction
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from esea_gen.studies.registry import Reproduction
 
 DEVICE, COUNT, APART_S, NIGHT_S = "elbow", 16, 300.0, 12 * 3600.0
 AMPLITUDE_rad = np.deg2rad(10.0)
@@ -195,33 +195,28 @@ class ClinicDay:
         )
         return lines
 
+    @styled
     def figure(self) -> Figure:
-        import matplotlib as mpl
-
-        from esea_gen.analysis.plots import finished, new_figure
-        from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING, STYLE
-
-        with mpl.rc_context(STYLE):
-            figure, (left, right) = new_figure(9.0, 3.6, ncols=2)
-            at = np.arange(1, COUNT + 1)
-            looks = (("-", MODEL), ("--", ROUNDING), (":", MEASURED))
-            for r, (line, color) in zip(self.rows(), looks, strict=True):
-                for axes, key in ((left, "stiffness_Nm_rad"), (right, "error_percent")):
-                    day = r[key]
-                    axes.plot(at, day[:COUNT], line, color=color, lw=1.6, label=r["intensity"])
-                    axes.plot(COUNT + 2, day[COUNT], "o", color=color, ms=5)
-                most = r["first_percent"] + r["change_published_percent"]
-                for x, y in ((COUNT + 2.7, r["morning_published_percent"]), (COUNT + 0.7, most)):
-                    right.plot(x, y, "x", color=color, ms=6)
-            for axes, text in ((left, "stiffness, N·m/rad"), (right, "error of the sensor, % FSR")):
-                axes.set_xlabel("session; dot: first of the next day")
-                axes.set_title(f"{text}, simulated")
-                axes.set_xticks([1, 4, 8, 12, 16, COUNT + 2], ["1", "4", "8", "12", "16", "+12 h"])
-            left.legend()
-            cross = right.plot([], [], "x", color=INK, label="published: largest, next morning")
-            right.legend(handles=cross, loc="lower right")
-            right.set_ylim(bottom=0)
-            return finished(figure)
+        figure, (left, right) = new_figure(9.0, 3.6, ncols=2)
+        at = np.arange(1, COUNT + 1)
+        looks = (("-", MODEL), ("--", ROUNDING), (":", MEASURED))
+        for r, (line, color) in zip(self.rows(), looks, strict=True):
+            for axes, key in ((left, "stiffness_Nm_rad"), (right, "error_percent")):
+                day = r[key]
+                axes.plot(at, day[:COUNT], line, color=color, lw=1.6, label=r["intensity"])
+                axes.plot(COUNT + 2, day[COUNT], "o", color=color, ms=5)
+            most = r["first_percent"] + r["change_published_percent"]
+            for x, y in ((COUNT + 2.7, r["morning_published_percent"]), (COUNT + 0.7, most)):
+                right.plot(x, y, "x", color=color, ms=6)
+        for axes, text in ((left, "stiffness, N·m/rad"), (right, "error of the sensor, % FSR")):
+            axes.set_xlabel("session; dot: first of the next day")
+            axes.set_title(f"{text}, simulated")
+            axes.set_xticks([1, 4, 8, 12, 16, COUNT + 2], ["1", "4", "8", "12", "16", "+12 h"])
+        left.legend()
+        cross = right.plot([], [], "x", color=INK, label="published: largest, next morning")
+        right.legend(handles=cross, loc="lower right")
+        right.set_ylim(bottom=0)
+        return figure
 
 
 class ClinicDayStudy(Reproduction[ClinicDay]):

@@ -26,10 +26,9 @@ from esea_gen.model.published_inverse import (
     FilterName,
     published_inverse,
 )
-from esea_gen.reproduce.chapter3 import Chapter3, reproduce_chapter3
-from esea_gen.reproduce.chapter4 import reproduce_chapter4
+from esea_gen.reproduce.torque_model import Chapter3, reproduce_chapter3, reproduce_chapter4
 from esea_gen.studies.simulation import default_person, simulate
-from esea_gen.studies.uncertainty.signals import SIGNALS
+from esea_gen.studies.uncertainty.motions import SIGNALS
 from esea_gen.twin.case import Setting
 
 Numbers = dict[str, float]

@@ -11,11 +11,13 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
+from esea_gen.analysis.plots import bode
 from esea_gen.analysis.response import (
     Array,
     checked,
@@ -25,11 +27,8 @@ from esea_gen.analysis.response import (
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
-from esea_gen.reproduce.reproduction import Reproduction
+from esea_gen.studies.registry import Reproduction
 from esea_gen.tables import read_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SWEEP = Sweep(0.0, 40.0, 40.0)
 STEP_S = 3.0
@@ -122,8 +121,6 @@ class DataCheck:
         return [*lines, f"By the author's definition the published bandwidths {found}."]
 
     def figure(self) -> Figure:
-        from esea_gen.analysis.plots import bode
-
         return bode([(f"{s.loop} loop", s.response, s.local) for s in self.sweeps])
 
 

@@ -6,18 +6,17 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from esea_gen.analysis.plots import COLOURS, new_figure, styled
 from esea_gen.errors import UserError
-from esea_gen.studies.outcome import Simulation, csv_lines
-from esea_gen.studies.simulation import simulate
+from esea_gen.plotting import INK
+from esea_gen.studies.simulation import Simulation, csv_lines, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.off import off_families
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SWINGING_NM = 0.15  # RMS of the true error above 4 Hz from which a run counts as swinging
 ENDINGS = ("unstable", "swinging", "tripped", "fault", "failed")
@@ -55,8 +54,6 @@ def _row(done: Simulation) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OffTable:
-    """Outcome of a study for several families and controllers."""
-
     done: tuple[Simulation, ...]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -118,43 +115,38 @@ def _said(ending: str) -> str:
     return {"fault": "latched"}.get(ending, ending)
 
 
+@styled
 def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
-    import matplotlib as mpl
-
-    from esea_gen.analysis.plots import COLOURS, finished, new_figure
-    from esea_gen.plotting import INK, STYLE
-
     names = list(dict.fromkeys(r["off"] for r in rows))
     controllers = list(dict.fromkeys(r["controller"] for r in rows))
     high, tall = 0.8 / len(controllers), 0.09 * len(names) * (1 + len(controllers))
-    with mpl.rc_context(STYLE):
-        figure, (left, right) = new_figure(9.6, 1.2 + tall, ncols=2, sharey=True)
-        for axes, key in ((left, MEDIANS[0]), (right, MEDIANS[1])):
-            for k, controller in enumerate(controllers):
-                mine = {r["off"]: r for r in rows if r["controller"] == controller}
-                y = np.arange(len(names)) + (k - 0.5 * (len(controllers) - 1)) * high
-                # The error of a motor that is off says nothing of the law.
-                off = [mine[n]["tripped"] + mine[n]["fault"] > mine[n]["runs"] / 2 for n in names]
-                told = [math.nan if mine[n][key] is None else mine[n][key] for n in names]
-                x = np.where(off, math.nan, told)
-                colour = COLOURS[k % len(COLOURS)]
-                axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
-                gone = y[np.isnan(x)]
-                if len(gone):  # a line without points has no place, and upsets the layout
-                    axes.plot(0 * gone, gone, "x", color=colour, ms=5, clip_on=False)
-                    label = "most runs tripped or latched" if k == 0 else None
-                    axes.plot([], [], "x", color=INK, ms=5, label=label)
-            axes.grid(visible=False, axis="y")
-        left.set_xlabel("RMS true error, N·m")
-        right.set_xlabel("of it above 4 Hz, N·m")
-        right.axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
-        for axes, least in ((left, 0.1), (right, 1.1 * SWINGING_NM)):
-            axes.set_xlim(0, max(least, axes.get_xlim()[1]))
-        left.set_yticks(range(len(names)), names)
-        left.set_ylim(len(names) - 0.4, -0.6)
-        handles, labels = right.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=5)
-        return finished(figure)
+    figure, (left, right) = new_figure(9.6, 1.2 + tall, ncols=2, sharey=True)
+    for axes, key in ((left, MEDIANS[0]), (right, MEDIANS[1])):
+        for k, controller in enumerate(controllers):
+            mine = {r["off"]: r for r in rows if r["controller"] == controller}
+            y = np.arange(len(names)) + (k - 0.5 * (len(controllers) - 1)) * high
+            # The error of a motor that is off says nothing of the law.
+            off = [mine[n]["tripped"] + mine[n]["fault"] > mine[n]["runs"] / 2 for n in names]
+            told = [math.nan if mine[n][key] is None else mine[n][key] for n in names]
+            x = np.where(off, math.nan, told)
+            colour = COLOURS[k % len(COLOURS)]
+            axes.barh(y, np.nan_to_num(x), 0.9 * high, color=colour, label=controller)
+            gone = y[np.isnan(x)]
+            if len(gone):  # a line without points has no place, and upsets the layout
+                axes.plot(0 * gone, gone, "x", color=colour, ms=5, clip_on=False)
+                label = "most runs tripped or latched" if k == 0 else None
+                axes.plot([], [], "x", color=INK, ms=5, label=label)
+        axes.grid(visible=False, axis="y")
+    left.set_xlabel("RMS true error, N·m")
+    right.set_xlabel("of it above 4 Hz, N·m")
+    right.axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+    for axes, least in ((left, 0.1), (right, 1.1 * SWINGING_NM)):
+        axes.set_xlim(0, max(least, axes.get_xlim()[1]))
+    left.set_yticks(range(len(names)), names)
+    left.set_ylim(len(names) - 0.4, -0.6)
+    handles, labels = right.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=5)
+    return figure
 
 
 def simulate_off(

@@ -10,11 +10,13 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError, choose
 from esea_gen.python_file import import_file
@@ -39,7 +41,6 @@ S = TypeVar("S", bound=Study)
 
 
 def studies(kind: type[S]) -> dict[str, S]:
-    """Studies of a kind in this package, by name."""
     return {k: s for k, s in sorted(_own().items()) if isinstance(s, kind)}
 
 
@@ -68,10 +69,10 @@ def study_file(name: str) -> Path | None:
 
 @cache
 def _own() -> dict[str, Study]:
-    # One file a study; where it needs several, a folder with the study in study.py.
+    # Folders hold what has a command of its own.
     rooms = map(importlib.import_module, ROOMS)
     every = ((room.__name__, m) for room in rooms for m in pkgutil.iter_modules(room.__path__))
-    names = (f"{room}.{m.name}" + ".study" * m.ispkg for room, m in every)
+    names = (f"{room}.{m.name}" for room, m in every if not m.ispkg)
     return _found(map(importlib.import_module, names))
 
 
@@ -90,3 +91,26 @@ def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:
                 )
             found[item.name] = item()
     return found
+
+
+class Outcome(Protocol):
+    """What any study comes to; its JSON is ``to_dict()``, or its fields."""
+
+    def table(self) -> list[str]: ...
+
+    def figure(self) -> Figure: ...
+
+
+Made = TypeVar("Made", bound=Outcome)
+
+
+class Reproduction(Study, Generic[Made]):
+    """A published table or figure made again."""
+
+    recordings: ClassVar[bool] = False
+
+    def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
+        raise UserError(f"study {self.name}: has no method run.", "Write it: what is recomputed.")
+
+    def reproduced(self, outcome: Made) -> bool:
+        return True

@@ -6,29 +6,35 @@ torque of the true elastomer, and the torque that the sensor shows, with the des
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
+from matplotlib.figure import Figure
+
+from esea_gen.analysis import plots
 from esea_gen.analysis.campaign import run_cases
 from esea_gen.analysis.journal import Configuration, file_digest, files_digest, rooms_digest
 from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
+from esea_gen.language.ports import Array
 from esea_gen.model.sensing import without_axis
-from esea_gen.studies import torque_errors
-from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.registry import Study, load_study, study_file
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
-from esea_gen.twin.judge import fault_figures, judge
+from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES, desired_torque, fault_figures, judge
 from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
-from esea_gen.twin.off import deviation, refuse_unknown
+from esea_gen.twin.off import NOTHING, deviation, off_families, refuse_unknown
 from esea_gen.twin.run import (
     PERSON_NAMES,
     PLANT_NAMES,
@@ -39,18 +45,18 @@ from esea_gen.twin.run import (
 )
 from esea_gen.twin.trajectories import RATE_HZ
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 FAULT_FROM_S = 0.1  # by then every shipped controller is armed and on
+SHOWN_S = 10.0
+SHOUTED = "unstable"  # of the ways to end, the one that is the controller's own
+Panel = tuple[str, Array, Array, Array, Array]
+ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
 MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
 class ClosedLoopStudy(Study):
-    """Cases of a controller against plant and person."""
-
     person: ClassVar[bool] = False  # somebody moves the load; else the output is fixed
     keeps: ClassVar[bool] = False  # table and JSON need what ``keep`` gives
+    normalised: ClassVar[bool] = False  # errors over the largest torque, too: the thesis' measure
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def cases(self) -> list[Case]:
@@ -68,13 +74,215 @@ class ClosedLoopStudy(Study):
         return run
 
     def table(self, done: Simulation) -> list[str]:
-        return torque_errors.table(done)
+        """A line a case, of the medians over the seeds."""
+        s, runs = done.setting, len(done.seeds)
+        off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
+        heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
+        lines = [
+            f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
+            f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
+            f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * self.normalised),
+        ]
+        for name, entries in done.by_case().items():
+            lines += _case_lines(name, entries, self.normalised)
+        total, ended = len(done.monte_carlo.results), len(done.ended())
+        if ended:
+            lines.append(
+                f"{ended} of {total} runs were unstable, tripped, latched or failed; what is given "
+                "of their errors includes the time after that"
+            )
+        every = np.array([e["rms_true_Nm"] for e in done.cases() if e["rms_true_Nm"] is not None])
+        if runs > 1 and len(every):
+            low, middle, high = np.percentile(every, [5, 50, 95])
+            lines.append(
+                f"all runs: RMS true 5 % {low:.4f}, median {middle:.4f}, 95 % {high:.4f}, mean "
+                f"{every.mean():.4f}, max {every.max():.4f} Nm; medians above"
+            )
+        return lines
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
-        return torque_errors.to_dict(done)
+        """The setting, ``cases``, and percentiles by case where there are several seeds."""
+        s, names = done.setting, ("controller", "plant", "off", "adapted", "axis")
+        content: dict[str, Any] = {
+            "experiment": done.study.name,
+            "title": done.study.title,
+            **{k: v for k in names if (v := getattr(s, k))},
+            "person": done.person,
+            "format": s.real,
+            "content_hash": done.monte_carlo.configuration.parts["controller_hash"],
+            "seeds": done.seeds,
+            "cases": done.cases(),
+            "ended_runs": len(done.ended()),
+        }
+        if len(done.seeds) > 1:
+            content["percentiles"] = {
+                n: {k: p.to_dict() for k, p in done.monte_carlo.summary({"case": n}).items()}
+                for n in done.by_case()
+            }
+        return content
 
     def figure(self, done: Simulation) -> Figure:
-        return torque_errors.figure(done)
+        """Torque in time of a few cases, RMS by case of more, percentiles over several seeds."""
+        if len(done.seeds) > 1:
+            by_name = {n: done.monte_carlo.summary({"case": n}) for n in done.by_case()}
+            rows = [(n, p["rms_true_Nm"]) for n, p in by_name.items() if "rms_true_Nm" in p]
+            if not rows:
+                raise UserError("No run finished: there is nothing to draw.", "See the table.")
+            return plots.percentile_bars(rows)
+        panels = [
+            panel(self.case(name), run)
+            for name, run in done.kept.items()
+            if isinstance(run, ClosedLoopRun)
+        ]
+        if len(panels) == 1:
+            ((name, *curves),) = panels
+            return plots.torque_tracking(*curves, title=f"{name}: {done.label}")
+        if panels:
+            return plots.torque_cases(panels, title=done.label)
+        entries = done.cases()
+        ours, thesis = (
+            np.array([math.nan if e[k] is None else e[k] for e in entries])
+            for k in ("rms_true_Nm", "thesis_rms_Nm")
+        )
+        known = thesis if np.isfinite(thesis).any() else None
+        return plots.rms_by_case([e["name"] for e in entries], done.label, ours, known)
+
+
+def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> list[str]:
+    def median(key: str) -> float:
+        found = [e[key] for e in entries if e.get(key) is not None]
+        return float(np.median(found)) if found else math.nan
+
+    row = "".join(f"{median(k):>11.4f}" for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
+    thesis = entries[0]["thesis_rms_Nm"]
+    row += f"{thesis:>11.3f}" if thesis else f"{'-':>11}"
+    row += f"{100 * median('limited_share'):>10.1f}%"
+    if normalised:
+        share = median("rms_normalised")
+        row += f"{'-':>11}" if math.isnan(share) else f"{100 * share:>10.1f}%"
+    words = {k: text.upper() if k == SHOUTED else text for k, text in ENDED.items()}
+    words |= {"ran_away": "left the plant's ranges", "failure": "failed"}
+    counts = [(sum(bool(e.get(k)) for e in entries), text) for k, text in words.items()]
+    said = ", ".join(f"{n} {text}" for n, text in counts if n)
+    reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
+    return [f"{name:32}{row}  {said}".rstrip(), *(f"  failed: {reason}" for reason in reasons)]
+
+
+def panel(case: Case, run: ClosedLoopRun, *, whole: bool = False) -> Panel:
+    """Name, time, desired, true and sensed torque of a case; the first 10 s that are judged."""
+    w = case.trajectory.window
+    w = slice(0, None) if whole else slice(w.start, min(w.stop, w.start + round(SHOWN_S * RATE_HZ)))
+    return (
+        case.name,
+        run.time_s[w],
+        desired_torque(case, run)[w],
+        run.plant["tau_e_Nm"][w],
+        run.controller["tau_Nm"][w],
+    )
+
+
+def csv_lines(entries: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    keys = list(dict.fromkeys(k for e in entries for k in e))
+    table = csv.DictWriter(text, keys, lineterminator="\n")
+    table.writeheader()
+    table.writerows(entries)
+    return text.getvalue()
+
+
+@dataclass(frozen=True)
+class Simulation:
+    study: ClosedLoopStudy
+    setting: Setting
+    seeds: tuple[int, ...]
+    monte_carlo: MonteCarlo
+    kept: Mapping[str, Any]
+
+    @property
+    def person(self) -> str:
+        return self.setting.person if self.study.person else "none"
+
+    @property
+    def label(self) -> str:
+        s = self.setting
+        off = f", {s.off}" if s.off != NOTHING else ""
+        return f"{s.controller}, {s.plant}{off}{self.more}"
+
+    @property
+    def more(self) -> str:
+        axis = f", {self.setting.axis}" if self.setting.axis else ""
+        return axis + (", adapted" if self.setting.adapted else "")
+
+    def cases(self) -> list[dict[str, Any]]:
+        entries = []
+        for r in self.monte_carlo.results:
+            entry: dict[str, Any] = {"name": r.case["case"], "seed": r.case["seed"]}
+            entry |= dict.fromkeys(ERRORS)
+            values = r.values or {}
+            # In one order, whether it was run now or comes out of a journal.
+            order = [*(k for k in FIGURES if k in values), *sorted(set(values) - set(FIGURES))]
+            entry |= {k: values[k] for k in order}
+            entry |= {k: bool(values.get(k)) for k in ENDED}
+            if self.setting.fault:
+                entry |= {k: values.get(k) for k in ENCODER_FAULT}
+            if r.values is None:
+                entry["failure"] = r.failure
+            entry |= {"off": self.setting.off, "family": off_families()[self.setting.off].group}
+            entry["thesis_rms_Nm"] = self.study.thesis_Nm.get(self.setting.controller)
+            entries.append(entry)
+        return entries
+
+    def by_case(self) -> dict[str, list[dict[str, Any]]]:
+        found: dict[str, list[dict[str, Any]]] = {}
+        for entry in self.cases():
+            found.setdefault(entry["name"], []).append(entry)
+        return found
+
+    def ended(self) -> list[dict[str, Any]]:
+        """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
+        return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
+
+    def to_dict(self) -> dict[str, Any]:
+        content = self.study.to_dict(self)
+        if self.setting.fault:
+            content |= {"fault": str(parse_fault(self.setting.fault)), "simulated": True}
+        return content
+
+    def table(self) -> list[str]:
+        return self._faults() if self.setting.fault else self.study.table(self)
+
+    def _faults(self) -> list[str]:
+        # What came of an encoder's fault, a line a case.
+        s, runs = self.setting, len(self.seeds)
+        lines = [
+            f"{self.study.title}, {parse_fault(s.fault)}, simulated: {s.controller}, plant "
+            f"{s.plant}, person {self.person}, {runs} run{'s' if runs > 1 else ''} a case",
+            f"{'case':32}{'found':>8}{'after ms':>10}{'torque then':>13}{'peak torque':>13}"
+            f"{'energy':>9}",
+        ]
+        for name, entries in self.by_case().items():
+            good = [e for e in entries if e["peak_torque_Nm"] is not None]
+            found = [e for e in good if e["detected_ticks"] is not None]
+
+            def worst(key: str, of: list[dict[str, Any]], places: int, width: int) -> str:
+                return f"{max(e[key] for e in of):{width}.{places}f}" if of else f"{'-':>{width}}"
+
+            lines.append(
+                f"{name:32}{f'{len(found)}/{len(entries)}':>8}"
+                f"{worst('detected_ticks', found, 0, 10)}{worst('torque_then_Nm', found, 2, 13)}"
+                f"{worst('peak_torque_Nm', good, 2, 13)}{worst('energy_J', good, 2, 9)}"
+            )
+        return [*lines, "the worst of all runs; torques in Nm, energy given to the limb in J"]
+
+    def figure(self) -> Figure:
+        ended: dict[str, str] = {}
+        for entry in self.ended():
+            words = [ENDED.get(k, "failed") for k in (*ENDED, "failure") if entry.get(k)]
+            ended.setdefault(entry["name"], f"seed {entry['seed']} {', '.join(words)}")
+        return plots.crossed(self.study.figure(self), ended)
+
+    def csv(self) -> str:
+        return csv_lines(self.cases())
 
 
 def default_person(study: str, plant: str) -> str:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 from types import MappingProxyType
 
-from esea_gen.studies import torque_errors
-from esea_gen.studies.outcome import Simulation
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin import trajectories
 from esea_gen.twin.case import IMPEDANCE, Case
@@ -84,6 +82,7 @@ class ImpedanceStudy(ClosedLoopStudy):
     name = "impedance"
     title = "Impedance: reaching in 2 s and back"
     person = True
+    normalised = True
 
     def cases(self) -> list[Case]:
         path = trajectories.impedance()
@@ -92,6 +91,3 @@ class ImpedanceStudy(ClosedLoopStudy):
             Case(f"Kp {kp:g} Kd {kd:g}", path, IMPEDANCE, {"reference": g})
             for (kp, kd), g in zip(GAINS, gains, strict=True)
         ]
-
-    def table(self, done: Simulation) -> list[str]:
-        return torque_errors.table(done, normalised=True)

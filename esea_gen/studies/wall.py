@@ -11,8 +11,7 @@ from esea_gen.analysis.passivity import energy_balance
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.studies.outcome import Simulation
-from esea_gen.studies.simulation import ClosedLoopStudy
+from esea_gen.studies.simulation import ClosedLoopStudy, Simulation
 from esea_gen.twin.case import Case
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory, minimum_jerk

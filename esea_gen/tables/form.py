@@ -70,7 +70,6 @@ def shortened(text: str) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names of columns for a message."""
     shown = ", ".join(f"'{shortened(n)}'" for n in names[:MOST_SHOWN] if n) or "none"
     return shown + (f" and {len(names) - MOST_SHOWN} more" if len(names) > MOST_SHOWN else "")
 

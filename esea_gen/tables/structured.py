@@ -137,7 +137,6 @@ def send_mat(name: str) -> None:
 
 
 def mat_content(raw: bytes, name: str) -> Content:
-    """A MATLAB file's content, read in this process."""
     with _damage_named(name, "a MATLAB"):
         kinds = scipy.io.whosmat(io.BytesIO(raw))
         check_unique(name, "", (k for k, *_ in kinds), "Give every variable a name of its own.")

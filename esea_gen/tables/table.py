@@ -31,8 +31,6 @@ EXACT = 2**53  # whole numbers up to here are doubles
 
 @dataclass(frozen=True)
 class FileTable:
-    """A table of one file."""
-
     name: str  # the file, for messages
     names: tuple[str, ...]  # all columns of the file, in its order
     cells: dict[str, Sequence[str] | npt.NDArray[Any]]  # texts of a CSV, else arrays
@@ -43,12 +41,10 @@ class FileTable:
     settings: str = ""  # where users set the format, if anywhere
 
     def __len__(self) -> int:
-        """Rows."""
         return len(self.lines)
 
     @property
     def unit_of_rows(self) -> Literal["line", "row"]:
-        """What ``lines`` counts."""
         return "line" if self.form.kind == "csv" else "row"
 
     def at(self, row: int, column: str = "") -> str:
@@ -105,7 +101,6 @@ class FileTable:
         return replace(self, cells=cells, lines=self.lines[mask]).noting(said)
 
     def noting(self, left_out: str) -> FileTable:
-        """Return the table with one more entry in ``left_out``."""
         return replace(self, left_out=(*self.left_out, left_out))
 
     @property

@@ -53,8 +53,6 @@ MOST_HEADER = 1000  # lines that are searched for a header to propose
 
 @dataclass
 class TextReader:
-    """One file, read once."""
-
     name: str
     text: str
     form: TableFormat

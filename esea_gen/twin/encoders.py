@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.twin.parameters import assumed
 
@@ -100,9 +100,7 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
             out[f"{key}_steps"] = nearest_whole(ca.power(2.0, bits_of))
         return out
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         out, turn = {}, 1 / (2 * math.pi)
         for side, angle in angles.items():
             theta = turns[side] * vars(u)[angle] + vars(c)[f"{side}_offset_rad"]
@@ -126,11 +124,7 @@ def encoder_block(device: DeviceData, tick_s: float = 1e-3) -> Block:
         period_s=tick_s,
         tunables=tunables,
         coefficients=(
-            *(
-                Port(t.name, t.low, t.high, t.meaning)
-                for t in tunables
-                if not t.name.endswith("_bits")
-            ),
+            *(t.port for t in tunables if not t.name.endswith("_bits")),
             Port("joint_steps", 0, 2.0**joint_bits, "steps of a joint encoder in a turn"),
             *(
                 Port("motor_steps", 0, 2.0 ** bits[k], "steps of the motor's encoder in a turn")

@@ -12,7 +12,7 @@ with symmetric matrices M, D and K; tau_intent is the pull of each axis towards 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -20,12 +20,12 @@ import casadi as ca
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System, Task
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.encoders import encoder_block
-from esea_gen.twin.mechanics import Load, LoadTorques, limb_torques
+from esea_gen.twin.mechanics import limb_torques, moved_load
 from esea_gen.twin.parameters import (
     STEP_S,
     assumed,
@@ -38,7 +38,6 @@ from esea_gen.twin.plant import (
     NAME,
     TICK_S,
     AxisStep,
-    Drifted,
     axis_step,
     input_ports,
     output_ports,
@@ -88,33 +87,19 @@ class _Named(Labels):
         return self._inner(of_axis(name, self._axis), value, comment)
 
 
-Parts = tuple[SimpleNamespace, SimpleNamespace, SimpleNamespace]  # c, s and u of one axis
-
-
-@dataclass(frozen=True)
 class _HandStep:
-    axes: tuple[str, str]
-    axis: AxisStep
-    names: Mapping[str, tuple[str, ...]]  # of coefficients, states and inputs of an axis
+    """One step of both drives and the hand, from ``names`` of an axis' values by c, s and u."""
 
-    def __call__(
-        self,
-        c: SimpleNamespace,
-        s: SimpleNamespace,
-        u: SimpleNamespace,
-        guard: Guard,
-        label: Labels,
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
-        parts = [
-            (
-                _view(c, self.names["c"], a),
-                _view(s, self.names["s"], a),
-                _view(u, self.names["u"], a),
-            )
-            for a in self.axes
-        ]
+    def __init__(
+        self, axes: tuple[str, str], axis: AxisStep, names: Mapping[str, tuple[str, ...]]
+    ) -> None:
+        self.axes, self.axis, self.names = axes, axis, names
+
+    def __call__(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        groups = {"c": c, "s": s, "u": u}
+        parts = [[_view(groups[k], self.names[k], a) for k in "csu"] for a in self.axes]
         labels = [_Named(label, a) for a in self.axes]
-        at = [self.axis.drift(*p, named) for p, named in zip(parts, labels, strict=True)]
+        at = [self.axis.drift(p[0], p[1], p[2], n) for p, n in zip(parts, labels, strict=True)]
         loads = self._hand(c, parts, at, label)
         next_state: dict[str, Any] = {}
         outputs: dict[str, Any] = {}
@@ -127,12 +112,8 @@ class _HandStep:
         return next_state, outputs | {"stored_J": stored, "plant_status": plant_status(guard)}
 
     def _hand(
-        self,
-        c: SimpleNamespace,
-        parts: list[Parts],
-        at: list[Drifted],
-        label: Labels,
-    ) -> list[Load]:
+        self, c: Any, parts: list[list[Any]], at: list[Any], label: Labels
+    ) -> list[SimpleNamespace]:
         # The two axes' equations of motion at once, friction implicit.
         q = 0.5 * self.axis.step_s
         limbs, masses, forces = [], [], []
@@ -149,12 +130,11 @@ class _HandStep:
             across = c.damping_cross_Nms_rad * (
                 apart.v["l"] - share * other[2].omega_p_rad_s
             ) - c.inertia_cross_kgm2 * (share * other[2].alpha_p_rad_s2)
-            held = label(
-                of_axis("held_Nm", axis), limb.held + u.tau_muscle_Nm - passive - across, "(5.3)"
-            )
-            limbs.append(replace(limb, held=held))
+            held = limb.held + u.tau_muscle_Nm - passive - across
+            limb.held = label(of_axis("held_Nm", axis), held, "(5.3)")
+            limbs.append(limb)
             masses.append(own.Jh_kgm2 + q * (limb.slope + limb.d_end))
-            forces.append(own.free * (drifted.coupling.tau + held - limb.tau_end))
+            forces.append(own.free * (drifted.coupling.tau + limb.held - limb.tau_end))
         free = parts[0][0].free * parts[1][0].free
         between = free * (c.inertia_cross_kgm2 + q * c.damping_cross_Nms_rad)
         share = 1 / (masses[0] * masses[1] - between * between)
@@ -166,22 +146,13 @@ class _HandStep:
             )
             for i, axis in enumerate(self.axes)
         ]
-        return [self._load(c, i, limbs[i], a, at[i], label) for i in range(2)]
-
-    def _load(
-        self,
-        c: SimpleNamespace,
-        i: int,
-        limb: LoadTorques,
-        a: list[Any],
-        at: Drifted,
-        label: Labels,
-    ) -> Load:
-        q = 0.5 * self.axis.step_s
-        lost = limb.slope * (q * a[i]) + c.damping_cross_Nms_rad * (q * a[1 - i])
-        name = of_axis("tau_h", self.axes[i])
-        tau_h = label(name, limb.held - lost, "the person, at the end of the step")
-        return Load(a[i], at.v["l"] + q * a[i], tau_h, limb.noise, limb.end, limb.tau_end)
+        loads = []
+        for i, (axis, limb) in enumerate(zip(self.axes, limbs, strict=True)):
+            lost = limb.slope * (q * a[i]) + c.damping_cross_Nms_rad * (q * a[1 - i])
+            text = "the person, at the end of the step"
+            tau_h = label(of_axis("tau_h", axis), limb.held - lost, text)
+            loads.append(moved_load(limb, a[i], at[i].v["l"] + q * a[i], tau_h))
+        return loads
 
 
 def hand_block(
@@ -197,7 +168,7 @@ def hand_block(
     step = axis_step(device, cable, step_s)
     base = plant_tunables(device, cable)
     passed = passed_on(base)
-    coefficients = (*plant_coefficients(base), *(_port(t) for t in own_tunables()))
+    coefficients = (*plant_coefficients(base), *(t.port for t in own_tunables()))
     state = (*state_ports(cable), *step.sensor.state)
     inputs = (
         *input_ports(),
@@ -230,7 +201,7 @@ def hand_block(
         period_s=step_s,
         constants=(*device.constants("actuator"), *step.sensor.constants),
         tunables=(*both((*base, *own_tunables())), *cross_tunables()),
-        coefficients=(*both(coefficients), *(_port(t) for t in cross_tunables())),
+        coefficients=(*both(coefficients), *(t.port for t in cross_tunables())),
         prepare=prepare,
         state=both(state),
         inputs=both(inputs),
@@ -238,10 +209,6 @@ def hand_block(
         equations=plant_equations(cable),
         step=_HandStep((first, second), step, names),
     )
-
-
-def _port(t: Tunable) -> Port:
-    return Port(t.name, t.low, t.high, t.meaning)
 
 
 def twin_system(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,34 +28,11 @@ def beyond(x: ca.SX, low: Any, high: Any) -> ca.SX:
     return ca.SX(ca.fmax(x - high, 0) + ca.fmin(x - low, 0))
 
 
-@dataclass(frozen=True)
-class Load:
-    """Load side and person at the end of the step; ``end`` is how far the joint is beyond its."""
+def limb_torques(c: Any, s: Any, u: Any, x_l: ca.SX, v_l: ca.SX) -> SimpleNamespace:
+    """What acts on the load beside the coupling (5.3); ``slope`` and ``d_end`` over its speed.
 
-    a: ca.SX
-    w: ca.SX
-    tau_h: ca.SX
-    noise: ca.SX
-    end: ca.SX
-    tau_end: ca.SX
-
-
-@dataclass(frozen=True)
-class LoadTorques:
-    """What acts on the load side beside the coupling; ``slope`` and ``d_end`` over its speed."""
-
-    held: Any
-    slope: Any
-    noise: ca.SX
-    end: ca.SX
-    tau_end: ca.SX
-    d_end: ca.SX
-
-
-def limb_torques(
-    c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, x_l: ca.SX, v_l: ca.SX
-) -> LoadTorques:
-    """Torque of the person and of the joint's stops (5.3)."""
+    ``end`` is how far the joint is beyond its range.
+    """
     noise = c.noise_decay * s.noise_Nm + c.noise_gain_Nm * u.noise
     turn = 1 / (2 * math.pi)
     feed = (
@@ -75,19 +51,14 @@ def limb_torques(
     end = beyond(x_l, c.joint_min_rad, c.joint_max_rad)
     tau_end, d_end = contact(end, v_l, c.joint_stop_Nm_rad, c.joint_stop_Nms_rad)
     slope = c.damping_Nms_rad + c.own_damping_Nms_rad
-    return LoadTorques(held, slope, noise, end, tau_end, d_end)
+    return SimpleNamespace(
+        held=held, slope=slope, noise=noise, end=end, tau_end=tau_end, d_end=d_end
+    )
 
 
 def move_load(
-    c: SimpleNamespace,
-    s: SimpleNamespace,
-    u: SimpleNamespace,
-    tau_e: ca.SX,
-    x_l: ca.SX,
-    v_l: ca.SX,
-    q: float,
-    label: Labels,
-) -> Load:
+    c: Any, s: Any, u: Any, tau_e: ca.SX, x_l: ca.SX, v_l: ca.SX, q: float, label: Labels
+) -> SimpleNamespace:
     """Load and person under the true torque, friction implicit (5.3)."""
     limb = limb_torques(c, s, u, x_l, v_l)
     a = label(
@@ -96,23 +67,16 @@ def move_load(
         "(5.3), friction implicit",
     )
     tau_h = label("tau_h", limb.held - limb.slope * (q * a), "the person, at the end of the step")
-    return Load(a, v_l + q * a, tau_h, limb.noise, limb.end, limb.tau_end)
+    return moved_load(limb, a, v_l + q * a, tau_h)
 
 
-@dataclass(frozen=True)
-class Gear:
-    """What acts on the gear beside the cable; ``slope`` of its friction over its speed."""
-
-    d4: ca.SX
-    friction: ca.SX
-    slope: ca.SX
-    free: ca.SX
+def moved_load(limb: SimpleNamespace, a: ca.SX, w: ca.SX, tau_h: ca.SX) -> SimpleNamespace:
+    """Load side and person at the end of the step."""
+    return SimpleNamespace(**vars(limb) | {"a": a, "w": w, "tau_h": tau_h})
 
 
-def gear_torques(
-    c: SimpleNamespace, x_g: ca.SX, v_g: ca.SX, drive_Nm: ca.SX, label: Labels
-) -> Gear:
-    """Disturbance, friction and what is left of the drive (5.2)."""
+def gear_torques(c: Any, x_g: ca.SX, v_g: ca.SX, drive_Nm: ca.SX, label: Labels) -> SimpleNamespace:
+    """Disturbance, friction with its slope, and what is left of the drive (5.2)."""
     d4 = ca.SX(0)
     for i in range(SINES):
         d4 = d4 + sine_of_turns(c.wave_turns[i] * x_g + c.phase_turns[i])
@@ -120,32 +84,17 @@ def gear_torques(
     smooth = ca.tanh(v_g / c.coulomb_width_rad_s)
     slope = c.fv_Nms_rad + c.fc_Nm * (1 - smooth * smooth) / c.coulomb_width_rad_s
     friction = c.fv_Nms_rad * v_g + c.fc_Nm * smooth
-    return Gear(d4, friction, slope, drive_Nm + c.J_kgm2 * d4 - friction)
-
-
-@dataclass(frozen=True)
-class Moved:
-    """Gear and motor-side part at the end of the step; power lost and energy held between them."""
-
-    a_g: ca.SX
-    a_m: ca.SX
-    w_g: ca.SX
-    w_m: ca.SX
-    loss: ca.SX
-    kinetic: ca.SX
+    free = drive_Nm + c.J_kgm2 * d4 - friction
+    return SimpleNamespace(d4=d4, friction=friction, slope=slope, free=free)
 
 
 def move_with_cable(
-    c: SimpleNamespace,
-    gear: Gear,
-    wound: ca.SX,
-    v_g: ca.SX,
-    v_m: ca.SX,
-    tau_e: ca.SX,
-    q: float,
-    label: Labels,
-) -> Moved:
-    """Gear and motor-side part, a cable that is wound up by an angle between them."""
+    c: Any, gear: Any, wound: ca.SX, v_g: ca.SX, v_m: ca.SX, tau_e: ca.SX, q: float, label: Labels
+) -> SimpleNamespace:
+    """Gear and motor-side part at the end of the step, a cable that is wound up between them.
+
+    With the power lost and the energy held between them.
+    """
     gap = beyond(wound, -0.5 * c.cable_backlash_rad, 0.5 * c.cable_backlash_rad)
     tau_c, d_c = contact(gap, v_g - v_m, c.cable_stiffness_Nm_rad, c.cable_damping_Nms_rad)
     label("tau_cable_Nm", tau_c, "between gear and motor-side part")
@@ -167,21 +116,21 @@ def move_with_cable(
     loss = w_m * (lost * rub + slope_m * (q * a_m) + c.motor_side_damping_Nms_rad * v_m) + (
         end_c - spring
     ) * (w_g - w_m)
-    return Moved(a_g, a_m, w_g, w_m, loss, c.motor_side_inertia_kgm2 * w_m * w_m + spring * gap)
+    kinetic = c.motor_side_inertia_kgm2 * w_m * w_m + spring * gap
+    return SimpleNamespace(a_g=a_g, a_m=a_m, w_g=w_g, w_m=w_m, loss=loss, kinetic=kinetic)
 
 
 def move_rigidly(
-    c: SimpleNamespace, gear: Gear, v_m: ca.SX, tau_e: ca.SX, q: float, label: Labels
-) -> Moved:
+    c: Any, gear: Any, v_m: ca.SX, tau_e: ca.SX, q: float, label: Labels
+) -> SimpleNamespace:
     """One inertia in place of gear and motor-side part."""
     a = label("a_m", (gear.free - tau_e) / (c.J_kgm2 + q * gear.slope), "(5.2), friction implicit")
     w = v_m + q * a
-    return Moved(a, a, w, w, ca.SX(0), ca.SX(0))
+    none = ca.SX(0)
+    return SimpleNamespace(a_g=a, a_m=a, w_g=w, w_m=w, loss=none, kinetic=none)
 
 
-def trip(
-    c: SimpleNamespace, s: SimpleNamespace, u_a: ca.SX, w_g: ca.SX, label: Labels
-) -> tuple[ca.SX, ca.SX]:
+def trip(c: Any, s: Any, u_a: ca.SX, w_g: ca.SX, label: Labels) -> tuple[ca.SX, ca.SX]:
     """Smoothed square of the torque, and whether the drive has tripped."""
     heat = s.heat + c.heat_share * (u_a * u_a - s.heat)
     hot = ca.if_else(heat > c.trip_torque_Nm * c.trip_torque_Nm, TRIPPED_TORQUE, NOT_TRIPPED)
@@ -189,25 +138,8 @@ def trip(
     return heat, label("tripped_next", ca.if_else(s.tripped > 0, s.tripped, fresh))
 
 
-@dataclass(frozen=True)
-class Coupling:
-    """The elastomer's torque with its stop's, deflection beyond that, and what it remembers."""
-
-    tau: ca.SX
-    rubber: ca.SX
-    jaw: ca.SX
-    tau_jaw: ca.SX
-    memory: dict[str, list[ca.SX]]
-
-
 def powers(
-    c: SimpleNamespace,
-    drive_Nm: ca.SX,
-    coupling: Coupling,
-    load: Load,
-    gear: Gear,
-    moved: Moved,
-    q: float,
+    c: Any, drive_Nm: ca.SX, coupling: Any, load: Any, gear: Any, moved: Any, q: float
 ) -> dict[str, ca.SX]:
     """In W at the end of the step, by what does the work; ``q`` is half a step."""
     return {
@@ -222,7 +154,7 @@ def powers(
     }
 
 
-def stored_J(c: SimpleNamespace, coupling: Coupling, load: Load, moved: Moved) -> Any:
+def stored_J(c: Any, coupling: Any, load: Any, moved: Any) -> Any:
     """Kinetic energy, and that of cable and stops."""
     return 0.5 * (
         c.J_kgm2 * moved.w_g * moved.w_g

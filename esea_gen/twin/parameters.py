@@ -11,8 +11,8 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
+from esea_gen.model.sections import section_of
 from esea_gen.twin.published import PEOPLE, PLANTS
 
 SINES = 6
@@ -107,11 +107,7 @@ def _bounds(device: DeviceData) -> list[Tunable]:
 def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
     """What may vary from one plant to the next without a new compilation."""
     for key in ("actuator", "joint"):
-        if getattr(device.file, key) is None:
-            raise UserError(
-                f"{device.origin}: section [{key}] is missing: the virtual exoskeleton needs it.",
-                'Add it, or write extends = "elbow_drive" and give what differs.',
-            )
+        section_of(device, key, "the virtual exoskeleton needs it")
     drive = _given(device.file.actuator, _DRIVE)
     soft = PLANTS.nominal.coulomb_width_rad_s
     width = assumed(
@@ -164,7 +160,7 @@ def plant_coefficients(tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
     direct = [by_name[n] for n in passed_on(tunables)]
     vectors = ("wave_turns", "phase_turns")
     return (
-        *(Port(t.name, t.low, t.high, t.meaning) for t in direct),
+        *(t.port for t in direct),
         *(
             Port(n, -200.0 if n in vectors else 0.0, 200.0, text, SINES if n in vectors else 1)
             for n, text in _DERIVED.items()

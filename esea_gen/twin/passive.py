@@ -13,20 +13,18 @@ holds the cuff back, which therefore takes its time to cross it, and strikes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy as sp
 
 from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
 from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.language.block import Block, Guard, Labels
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
 from esea_gen.twin.parameters import STEP_S, assumed
 from esea_gen.twin.plant import TICK_S, plant_status, sensed, status_port, true_sensor
@@ -50,9 +48,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
     )
     q = 0.5 * step_s
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         v = label("v_m", s.omega_m_rad_s + q * s.alpha_m_rad_s2, "speed in the middle of the step")
         x = label("x_m", s.theta_m_rad + step_s * v)
         rate = label("rate_rad_s", v - u.omega_l_rad_s)
@@ -69,14 +65,13 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
             "plant_status": plant_status(guard),
         }
 
-    b, tau, tau_e, slip = sp.symbols("b tau_hand tau_e omega_ml")
     return Block.define(
         "plant",
         "Passive sensor between hands and limb: cuff and coupling",
         period_s=step_s,
         constants=sensor.constants,
         tunables=tunables,
-        coefficients=tuple(Port(t.name, t.low, t.high, t.meaning) for t in tunables),
+        coefficients=tuple(t.port for t in tunables),
         prepare=vars,
         state=(
             Port("theta_m_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the cuff"),
@@ -95,7 +90,7 @@ def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
             Port("theta_l_rad", -ANGLE_RAD, ANGLE_RAD, "angle of the limb"),
             status_port(),
         ),
-        equations=(equation("(5.2)", "J omega_m'", tau - b * slip - tau_e, "cuff"),),
+        equations=equations("(5.2) | J omega_m' | tau_hand - b * omega_ml - tau_e | cuff"),
         step=step,
     )
 

@@ -32,21 +32,18 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.device import with_numbers
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block, Guard, Labels
-from esea_gen.language.ports import Flag, Port, clip, flag_word
+from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.ports import Equation, Flag, Port, clip, flag_word
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.model.sensing import of_axis
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.twin.encoders import ANGLE_RAD
 from esea_gen.twin.mechanics import (
     WORKS,
-    Coupling,
-    Load,
     beyond,
     contact,
     gear_torques,
@@ -100,16 +97,6 @@ def bodies_of(cable: bool) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Drifted:
-    """Half a step on: speeds ``v`` and angles ``x`` by body, and what acts between them."""
-
-    v: dict[str, Any]
-    x: dict[str, Any]
-    u_a: Any
-    coupling: Coupling
-
-
-@dataclass(frozen=True)
 class AxisStep:
     """One step of a drive with its coupling, symbolically: up to the load, and from there on."""
 
@@ -118,10 +105,8 @@ class AxisStep:
     ratio: float
     sensor: Block
 
-    def drift(
-        self, c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, label: Labels
-    ) -> Drifted:
-        """Motor's torque, half a kick and the drift of every body, and the coupling's torque."""
+    def drift(self, c: Any, s: Any, u: Any, label: Labels) -> SimpleNamespace:
+        """Half a step on: speeds ``v``, angles ``x`` by body, motor's torque, and the coupling."""
         h, q = self.step_s, 0.5 * self.step_s
         wanted = clip(u.u_Nm, -c.u_max_Nm, c.u_max_Nm)
         u_c = label("u_c_Nm", ca.if_else(s.tripped > 0, 0, wanted), "a tripped drive is off")
@@ -133,11 +118,9 @@ class AxisStep:
             v[key] = label(f"v_{key}", kicked, "speed in the middle of the step")
             x[key] = label(f"x_{key}", s.theta_rad[i] + h * v[key])
         coupling = self._coupling(c, s, x["m"] - x["l"], v["m"] - v["l"], label)
-        return Drifted(v, x, u_a, coupling)
+        return SimpleNamespace(v=v, x=x, u_a=u_a, coupling=coupling)
 
-    def settle(
-        self, c: SimpleNamespace, s: SimpleNamespace, at: Drifted, load: Load, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def settle(self, c: Any, s: Any, at: Any, load: Any, label: Labels) -> StepResult:
         """Second half of the kick: next state and outputs but for the status."""
         cable, h, q = self.cable, self.step_s, 0.5 * self.step_s
         v, x, u_a, coupling = at.v, at.x, at.u_a, at.coupling
@@ -185,9 +168,9 @@ class AxisStep:
         return next_state, outputs
 
     def _coupling(
-        self, c: SimpleNamespace, s: SimpleNamespace, delta: ca.SX, rate: ca.SX, label: Labels
-    ) -> Coupling:
-        # The sensor's step with the true rate, and the coupling's stop.
+        self, c: Any, s: Any, delta: ca.SX, rate: ca.SX, label: Labels
+    ) -> SimpleNamespace:
+        # The sensor's step with the true rate, the coupling's stop ``jaw``, and what both remember.
         delta, rate = label("delta_rad", delta), label("rate_rad_s", rate)
         shown, kept = sensed(self.sensor, s, delta, rate)
         more = (c.hysteresis_scale - 1) * shown["tau_hysteresis_Nm"]
@@ -203,7 +186,7 @@ class AxisStep:
         tau_jaw, _ = contact(jaw, rate, c.coupling_stop_Nm_rad, c.coupling_stop_Nms_rad)
         tau_e = label("tau_e", rubber + tau_jaw, "with the coupling's stop")
         kept["relaxation_Nm"] = [branch]
-        return Coupling(tau_e, rubber, jaw, tau_jaw, kept)
+        return SimpleNamespace(tau=tau_e, rubber=rubber, jaw=jaw, tau_jaw=tau_jaw, memory=kept)
 
 
 def plant_status(guard: Guard) -> Any:
@@ -225,9 +208,7 @@ def plant_block(
     sensor = axis.sensor
     passed = passed_on(tunables)
 
-    def step(
-        c: SimpleNamespace, s: SimpleNamespace, u: SimpleNamespace, guard: Guard, label: Labels
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         at, q = axis.drift(c, s, u, label), 0.5 * step_s
         load = move_load(c, s, u, at.coupling.tau, at.x["l"], at.v["l"], q, label)
         next_state, outputs = axis.settle(c, s, at, load, label)
@@ -331,17 +312,16 @@ def output_ports() -> tuple[Port, ...]:
     )
 
 
-def plant_equations(cable: bool) -> tuple[Any, ...]:
-    n, u_a, u_c, lag, fv, fc, w = sp.symbols("n u_a u_c tau_c f_v f_c w")
-    omega, d4, j = sp.symbols("omega_g d_4 J")
-    tau_e, tau_h = sp.symbols("tau_e tau_h")
-    pull = sp.Symbol("tau_cable") if cable else tau_e
-    drive = n * u_a - fv * omega - fc * sp.tanh(omega / w) - pull + j * d4
-    return (
-        equation("(5.1)", "u_a'", (u_c - u_a) / lag, "lag of the motor's torque"),
-        equation("(5.2)", "J omega_g'", drive, "motor and drive"),
-        equation("(5.3)", "J_h omega_l'", tau_e + tau_h, "load side and limb"),
-    )
+EQUATIONS = """
+    (5.1) | u_a' | (u_c - u_a) / tau_c | lag of the motor's torque
+    (5.2) | J omega_g' | n * u_a - f_v * omega_g - f_c * tanh(omega_g / w) - {pull} + J * d_4 | \
+        motor and drive
+    (5.3) | J_h omega_l' | tau_e + tau_h | load side and limb
+"""
+
+
+def plant_equations(cable: bool) -> tuple[Equation, ...]:
+    return equations(EQUATIONS.format(pull="tau_cable" if cable else "tau_e"))
 
 
 def steps_a_tick(step_s: float, tick_s: float) -> int:

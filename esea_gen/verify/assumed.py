@@ -15,7 +15,7 @@ from esea_gen.emit.step_errors import Bound, started_flags, state_jacobian, stat
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.verify.executor import coefficients_of, initial_state, step_arguments
+from esea_gen.verify.executor import step_arguments
 
 
 def steps_beyond(block: Block, bound: Bound, stream: Stream, states: Mapping[str, Array]) -> int:
@@ -23,10 +23,7 @@ def steps_beyond(block: Block, bound: Bound, stream: Stream, states: Mapping[str
     matrix = state_matrix(block) if bound.method == "linear" else None
     if matrix is None:
         return 0
-    double = FORMATS["f64"]
-    coefficients = coefficients_of(block, double, {})
-    initial = initial_state(block, double, coefficients)
-    given = step_arguments(block, stream, states, initial, coefficients, double)
+    given = step_arguments(block, stream, states, FORMATS["f64"])
     mapped = state_jacobian(block).map(stream.steps)
     found = np.asarray(mapped(*[ca.DM(a.T) for a in given]), dtype=float)
     each = found.reshape(len(matrix), stream.steps, len(matrix)).transpose(1, 0, 2)

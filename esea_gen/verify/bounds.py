@@ -100,23 +100,12 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     if residual_flag(block) is not None:
         return {}
     out: dict[str, Bound] = {}
-    for name, ranges in (
-        (PORT_RANGES, {}),
-        (DOMAIN, operating_ranges(device, block)),
-    ):
+    for name, ranges in ((PORT_RANGES, {}), (DOMAIN, operating_ranges(device, block))):
         if out and not ranges:  # nothing that the domain narrows
             out[name] = out[PORT_RANGES]
             continue
-        single = block_bound(block, FORMATS["f32"], ranges)
-        double = block_bound(block, FORMATS["f64"], ranges)
-        out[name] = Bound(
-            "f32",
-            single.steps,
-            {k: v + double.outputs[k] for k, v in single.outputs.items()},
-            {k: v + double.states[k] for k, v in single.states.items()},
-            single.method,
-            single.assumptions,
-        )
+        single, double = (block_bound(block, FORMATS[real], ranges) for real in ("f32", "f64"))
+        out[name] = single.with_errors_of(double)
     return out
 
 

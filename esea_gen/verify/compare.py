@@ -57,14 +57,15 @@ def compare(
         beyond = steps_beyond(block, lasting, stream, wanted[1])
         rule = (rule or StepRule(block)) if beyond else None
     kind, limits = _limits(device, block, library.real, stream, bounds, rule, wanted[1])
-    result = Comparison(block.name, stream.name, library.real, stream.steps, {}, limits, rule=kind)
+    if kind == ONE_STEP and rule is not None:
+        result = _compare_steps(rule, stream, wanted, got)
+    else:
+        whose = block.name, stream.name, library.real
+        result = Comparison(*whose, stream.steps, {}, limits, rule=kind)
+        _compare_values(block, wanted, got, result)
     result.beyond = beyond
     if beyond and lasting is not None and not stream.rough:
         result.problems.append(broken(lasting, beyond))
-    if kind == ONE_STEP and rule is not None:
-        _compare_steps(rule, stream, wanted, got, result)
-    else:
-        _compare_values(block, wanted, got, result)
     _judge_residual(device, block, stream, got[0], result)
     if not stream.injections and _repaired(block, got[0]):
         result.problems.append("the state was judged corrupt although nobody touched it")
@@ -124,17 +125,14 @@ def _compare_values(block: Block, wanted: Run, got: Run, result: Comparison) -> 
                 result.problems.append(f"{p.name}: error {error:.3g} above {limits[p.name]:.3g}")
 
 
-def _compare_steps(
-    rule: StepRule, stream: Stream, expected: Run, got: Run, result: Comparison
-) -> None:
-    found = rule.compare(stream, *got)
-    result.errors, result.turned = found.errors, found.turned
-    result.problems += found.problems
+def _compare_steps(rule: StepRule, stream: Stream, expected: Run, got: Run) -> Comparison:
+    result = rule.compare(stream, *got)
     for a, b in zip(expected, got, strict=True):
         for name, value in drift(rule.block, a, b).items():
             result.drift[name] = max(value, result.drift.get(name, 0.0))
     for ports, part in zip((rule.block.outputs, rule.block.state), got, strict=True):
         result.problems += not_finite(ports, part)
+    return result
 
 
 def _repaired(block: Block, outputs: dict[str, Array]) -> bool:

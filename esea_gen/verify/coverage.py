@@ -14,14 +14,8 @@ from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
-from esea_gen.verify.executor import (
-    coefficients_of,
-    emitted_kernel,
-    evaluate,
-    initial_state,
-    step_arguments,
-)
-from esea_gen.verify.runs import changed, run_c, run_symbolic
+from esea_gen.verify.executor import emitted_kernel, evaluate, step_arguments
+from esea_gen.verify.runs import run_c, run_symbolic
 from esea_gen.verify.unreachable import guarded_ranges, why_impossible
 
 # What each decision can do.  For a logical operation: each operand must have decided the result
@@ -165,31 +159,12 @@ def _where(
     return own
 
 
-def recorded_arguments(
-    block: Block,
-    stream: Stream,
-    states: Mapping[str, Array],
-    initial: Sequence[Array],
-    coefficients: Sequence[Array],
-    fmt: Format,
-) -> list[Array]:
-    """Arguments of every step of a recorded run, with the coefficients that stood in memory."""
-    arguments = step_arguments(block, stream, states, initial, coefficients, fmt)
-    with np.errstate(over="ignore"):
-        for start, values in sorted(stream.coefficients.items()):
-            for a, c in zip(arguments, changed(block, [*coefficients], values), strict=False):
-                a[start:] = c
-    return arguments
-
-
 def branch_coverage(
     block: Block, streams: Iterable[Stream], library: HostLibrary | None = None
 ) -> Coverage:
     """Count which sides of a Block's decisions a set of streams takes."""
     fmt = FORMATS[library.real if library else "f64"]
     kernel, names = emitted_kernel(block, fmt)
-    coefficients = coefficients_of(block, fmt, {})
-    initial = initial_state(block, fmt, coefficients)
     ports = (*block.state, *block.outputs)
     final = {i: p.name for p, r in zip(ports, kernel.results, strict=True) for i in r}
     users = _users(kernel)
@@ -204,7 +179,7 @@ def branch_coverage(
             _, trace = run_c(library.block(block.name), stream)
         else:
             _, trace = run_symbolic(block, stream)
-        arguments = recorded_arguments(block, stream, trace, initial, coefficients, fmt)
+        arguments = step_arguments(block, stream, trace, fmt)
         values = evaluate(kernel, fmt, arguments)
         for d in decisions:
             args = [values[a] for a in kernel.nodes[d.node].args]

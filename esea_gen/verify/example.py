@@ -11,7 +11,7 @@ from pathlib import Path
 
 from esea_gen.board.firmware import compile_objects
 from esea_gen.emit.formats import FORMATS
-from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool, write_texts
 from esea_gen.targets import HOST_GCC
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
@@ -39,8 +39,7 @@ def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> Exa
     with tempfile.TemporaryDirectory(prefix="esea-example-") as scratch:
         folder = Path(scratch)
         here = {n: t for n, t in files.items() if "/" not in n}
-        for name, text in here.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, here)
         sources = sorted(n for n in here if n.endswith(".c"))
         parts = compile_objects(folder, HOST_GCC, flags, sources) if quick else sources
         command = [gcc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]

@@ -19,7 +19,7 @@ from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.stream import Stream
-from esea_gen.verify.runs import CasadiOracle, run_c
+from esea_gen.verify.runs import CasadiOracle, changed, run_c
 
 UINT32_MAX = 2**32 - 1
 
@@ -206,13 +206,16 @@ def step_arguments(
     block: Block,
     stream: Stream,
     states: Mapping[str, Array],
-    initial: Sequence[Array],
-    coefficients: Sequence[Array],
     fmt: Format,
 ) -> list[Array]:
-    """Arguments of every step of a recorded run."""
+    """Arguments of every step of a recorded run, its coefficients those that stood in memory."""
+    coefficients = coefficients_of(block, fmt, {})
     arguments = [np.tile(np.asarray(c, fmt.dtype), (stream.steps, 1)) for c in coefficients]
-    for p, start in zip(block.state, initial, strict=True):
+    with np.errstate(over="ignore"):
+        for k, values in sorted(stream.coefficients.items()):
+            for a, c in zip(arguments, changed(block, coefficients, values), strict=True):
+                a[k:] = c
+    for p, start in zip(block.state, initial_state(block, fmt, coefficients), strict=True):
         after = np.asarray(states[p.name], fmt.dtype).reshape(stream.steps, p.size)
         before = np.concatenate([np.asarray(start, fmt.dtype).reshape(1, p.size), after[:-1]])
         for k, values in stream.injections.items():
@@ -272,15 +275,14 @@ def exact_trajectory(
 ) -> KernelTrajectory:
     """The bits that a Block's C must give on a stream."""
     fmt = FORMATS[library.real]
-    coefficients = coefficients_of(block, fmt, {})
-    initial = initial_state(block, fmt, coefficients)
     if oracle is not None:
-        y, s = oracle.run(block, coefficients, initial, stream)
+        coefficients = coefficients_of(block, fmt, {})
+        y, s = oracle.run(block, coefficients, initial_state(block, fmt, coefficients), stream)
         status = {p.name: y[p.name].astype(np.uint32) for p in block.outputs if p.flags}
         outputs = y | status
         return KernelTrajectory(stream, outputs, s | expected_counters(block, stream, outputs))
     _, trace = run_c(library.block(block.name), stream)
-    arguments = step_arguments(block, stream, trace, initial, coefficients, fmt)
+    arguments = step_arguments(block, stream, trace, fmt)
     kernel, _ = emitted_kernel(block, fmt)
     return float32_trajectory(kernel, block, stream, arguments)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -35,8 +35,9 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
 from esea_gen.verify.compare import unexplained
-from esea_gen.verify.executor import evaluate, expected_counters
+from esea_gen.verify.executor import KernelTrajectory, evaluate, expected_counters
 from esea_gen.verify.runs import changed_by_restore, run_c, run_symbolic
+from esea_gen.verify.verdict import LASTING, ONE_STEP, Comparison
 
 Raw = np.ndarray[Any, np.dtype[Any]]
 
@@ -245,39 +246,13 @@ def first_difference(
     computed = defined(plan.step, places, count)
     expected_y, expected_s = executor.stepped(computed, count)
     expected_s |= expected_counters(plan.block, stream, expected_y)
-    found = []
-    for kind, mine, other in (("output", expected_y, outputs), ("state", expected_s, states)):
-        for name, a in mine.items():
-            b = other[name]
-            wrong = (np.asarray(a) != np.asarray(b)).reshape(len(a), -1).any(axis=1)
-            if wrong.any():
-                k = int(np.argmax(wrong))
-                found.append((k, f"{stream.name}: {kind} {name} at step {k}: {b[k]} not {a[k]}"))
-    return (min(found)[1] if found else ""), outputs, states, computed
-
-
-@dataclass
-class FixedComparison:
-    """One stream through one Block in q31."""
-
-    block: str
-    stream: str
-    steps: int
-    errors: dict[str, float]
-    limits: dict[str, float]
-    problems: list[str] = field(default_factory=list)
-    turned: int = 0
-    beyond: int = 0
-
-    @property
-    def passed(self) -> bool:
-        """Whether everything holds."""
-        return not self.problems
+    expected = KernelTrajectory(stream, expected_y, expected_s)
+    return expected.first_difference(outputs, states), outputs, states, computed
 
 
 def compare_fixed(
     device: Device, plan: BlockPlan, runner: CRunner, stream: Stream, bound: Bound
-) -> FixedComparison:
+) -> Comparison:
     """Compare one Block on one stream."""
     block = plan.block
     runner.reset()
@@ -294,7 +269,10 @@ def compare_fixed(
     if not math.isinf(bound.steps):
         steps = single_steps(plan, stream, states_before(plan, stream, raw_s), computed)
         expected_y, expected_s, counted = steps.outputs, steps.states, ~steps.turned
-    result = FixedComparison(block.name, stream.name, stream.steps, {}, limits, beyond=beyond)
+    rule = LASTING if math.isinf(bound.steps) else ONE_STEP
+    result = Comparison(
+        block.name, stream.name, "q31", stream.steps, {}, limits, rule=rule, beyond=beyond
+    )
     if beyond and not stream.rough:
         result.problems.append(broken(claimed, beyond))
     if difference:

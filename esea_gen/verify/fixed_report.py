@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.board.bare import BARE_BOARDS, BareResult, run_bare, run_bare_system
+from esea_gen.board.bare import BARE_BOARDS, BareResult, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
@@ -201,25 +201,20 @@ def _compare_blocks(
 
 def _cores(device: Device, say: Callable[[str], None]) -> list[BareResult]:
     out = []
+    if device.file.joint is None:
+        theta = domain_chirp(device, 2.0)
+        theta = theta[:: max(1, len(theta) // CORE_STEPS)][:CORE_STEPS]
+        task = device.system.tasks[0]
+        inputs = {task.name: {x.name: theta for x in device.system.task_inputs(task)}}
+    else:
+        from esea_gen.twin.recorded import record_drive
+
+        # What a drive is given in the virtual exoskeleton, in closed loop with its own f32 C.
+        inputs = record_drive(device, CORE_STEPS).inputs
     for real, board in (("q31", "m3"), ("f32", "m3"), ("q31", "m0"), ("f32", "m0"), ("f32", "m4f")):
         say(f"{BARE_BOARDS[board].core}, {real}")
-        if device.file.joint is None:
-            theta = domain_chirp(device, 2.0)
-            theta = theta[:: max(1, len(theta) // CORE_STEPS)][:CORE_STEPS]
-            task = device.system.tasks[0]
-            inputs = {x.name: theta for x in device.system.task_inputs(task)}
-            out.append(run_bare(device, real, board, inputs))
-            continue
-        out.append(run_bare_system(device, real, board, _drive_inputs(device)))
+        out.append(run_bare(device, real, board, inputs))
     return out
-
-
-def _drive_inputs(device: Device) -> Mapping[str, Mapping[str, Array]]:
-    # What a drive is given in the virtual exoskeleton, in closed loop with its own f32 C.
-    from esea_gen.twin.recorded import record_drive
-
-    recorded = record_drive(device, CORE_STEPS)
-    return {t: {n: a for n, a in v.items() if n} for t, v in recorded.inputs.items()}
 
 
 def check_fixed(

@@ -16,7 +16,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError, nearest
-from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool
+from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool, write_texts
 from esea_gen.targets import CONTROL_FLAGS, PROCESSORS, Processor
 from esea_gen.verify.example import run_example
 
@@ -169,9 +169,7 @@ def check_objects(
     single = not FORMATS[real].needs_libm
     with tempfile.TemporaryDirectory(prefix="esea-gates-") as scratch:
         folder = Path(scratch)
-        for name, text in texts.items():
-            if "/" not in name:
-                (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, {n: t for n, t in texts.items() if "/" not in n})
         objects = []
         measured = [*CONTROL_FLAGS, *chosen.flags, "-fstack-usage", "-fcallgraph-info=su"]
         for name in sorted(n for n in texts if n.endswith(".c") and "/" not in n):

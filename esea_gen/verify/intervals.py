@@ -72,8 +72,7 @@ class _Evaluator:
             return ANYTHING
         return Interval(float(found.min()), float(found.max()), any(x.nan for x in operands))
 
-    def one(self, i: int, n: Node) -> Interval:
-        v = [self.values[a] for a in n.args]
+    def one(self, n: Node, v: Sequence[Interval]) -> Interval:
         if n.op == "const":
             c = float(self.fmt.dtype.type(n.value))
             return Interval(c, c)
@@ -153,6 +152,11 @@ class _Evaluator:
         return self.kernel.nodes[n.args[1]] if n.op == "if_else_zero" else n
 
 
+def node_interval(kernel: Kernel, fmt: Format, n: Node, v: Sequence[Interval]) -> Interval:
+    """Interval of one comparison or logical operation."""
+    return _Evaluator(kernel, fmt).one(n, v)
+
+
 def computed_intervals(
     kernel: Kernel,
     fmt: Format,
@@ -167,5 +171,7 @@ def computed_intervals(
         if n.op == "input":
             work.values.append(arguments[n.source[0]][n.source[1]])
         else:
-            work.values.append(UNDECIDED if i in undecided else work.one(i, n))
+            work.values.append(
+                UNDECIDED if i in undecided else work.one(n, [work.values[a] for a in n.args])
+            )
     return work.values

@@ -6,30 +6,19 @@ Where rounding turns a decision, its operands must be nearer than their derived 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-
 import casadi as ca
 import numpy as np
 
 from esea_gen.emit.error_bounds import node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
-from esea_gen.emit.step_errors import Bound
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.verify.executor import coefficients_of, evaluate, initial_state, step_arguments
+from esea_gen.verify.executor import coefficients_of, evaluate, step_arguments
+from esea_gen.verify.verdict import ONE_STEP, Comparison
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
-
-
-@dataclass
-class OneStep:
-    """What the steps of one stream add, each from the C's own memory."""
-
-    errors: dict[str, float] = field(default_factory=dict)
-    turned: int = 0
-    problems: list[str] = field(default_factory=list)
 
 
 class StepRule:
@@ -38,12 +27,7 @@ class StepRule:
     def __init__(self, block: Block) -> None:
         self.block = block
         single, double = FORMATS["f32"], FORMATS["f64"]
-        near, far = step_bound(block, single), step_bound(block, double)
-        self.bound: Bound = replace(
-            near,
-            outputs={k: v + far.outputs[k] for k, v in near.outputs.items()},
-            states={k: v + far.states[k] for k, v in near.states.items()},
-        )
+        self.bound = step_bound(block, single).with_errors_of(step_bound(block, double))
         self.kernel, self.errors = node_errors(block, single)
         _, errors = node_errors(block, double)
         self.errors = [a + b for a, b in zip(self.errors, errors, strict=True)]
@@ -59,22 +43,21 @@ class StepRule:
             ),
             self.kernel.results,
         )
-        self._coefficients = {f: coefficients_of(block, FORMATS[f], {}) for f in ("f32", "f64")}
-        self._initial = initial_state(block, single, self._coefficients["f32"])
+        self._coefficients = coefficients_of(block, double, {})
 
     def compare(
         self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
-    ) -> OneStep:
+    ) -> Comparison:
         """Hold every step of a run of the C against the symbolic step from the same memory."""
-        found = OneStep()
+        bounds = self.bound.states | self.bound.outputs
+        names = self.block.name, stream.name, "f32"
+        found = Comparison(*names, stream.steps, {}, bounds, rule=ONE_STEP)
         single = FORMATS["f32"]
-        given = step_arguments(
-            self.block, stream, states, self._initial, self._coefficients["f32"], single
-        )
+        given = step_arguments(self.block, stream, states, single)
         values = evaluate(self.kernel, single, given)
         chosen = np.stack([values[i] for i in self.decisions], axis=1).astype(float)
         # From here on float64, on the same numbers; but its own coefficients.
-        double = [np.tile(c, (stream.steps, 1)) for c in self._coefficients["f64"]] + [
+        double = [np.tile(c, (stream.steps, 1)) for c in self._coefficients] + [
             a.astype(np.float64) for a in given[len(self.block.coefficients) :]
         ]
         told = evaluate(self.told, FORMATS["f64"], [*double, chosen])
@@ -107,7 +90,7 @@ class StepRule:
         step = self.block.step.map(len(arguments[0]))
         return [np.asarray(r, dtype=float).T for r in step.call([ca.DM(a.T) for a in arguments])]
 
-    def _turned(self, told: list[Array], chosen: Array, found: OneStep) -> Array:
+    def _turned(self, told: list[Array], chosen: Array, found: Comparison) -> Array:
         compare = {"lt": np.less, "le": np.less_equal, "eq": np.equal, "ne": np.not_equal}
         any_turned = np.zeros(len(chosen), dtype=bool)
         for k, i in enumerate(self.decisions):

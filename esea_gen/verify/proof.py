@@ -13,7 +13,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool, write_texts
 from esea_gen.language.block import Block
 
 TIMEOUT_S = 3600
@@ -76,10 +76,7 @@ def analysed(
     frama = find_compiler("frama-c", "frama-c-base")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        for name, text in files.items():
-            content = change(name, text) if change else text
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_text(content, encoding="utf-8")
+        write_texts(folder, {n: change(n, t) if change else t for n, t in files.items()})
         # Whole paths: Frama-C goes by $PWD and not by where it was started.
         found = (f"-I{folder / name}" for name in ("", *folders))
         include = f"-cpp-extra-args={' '.join((*found, *SSE, *defines))}"

@@ -15,7 +15,7 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, write_texts
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
@@ -80,8 +80,7 @@ def count_step(
     extra = {n: renderer.render(f"bench/{n}.j2", **context) for n in ("board.c", "board.ld")}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        for name, text in (files | extra).items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, files | extra)
         image, log = folder / "board.elf", folder / "log"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS, f"-I{folder}"]
         link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/board.ld"]

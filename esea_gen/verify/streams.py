@@ -21,6 +21,11 @@ def _shape(port: Port, steps: int) -> tuple[int, ...]:
     return (steps,) if port.size == 1 else (steps, port.size)
 
 
+def _spread(port: Port, column: Array) -> Array:
+    # The same in every element.
+    return column if port.size == 1 else np.tile(column[:, None], (1, port.size))
+
+
 def _walk(rng: np.random.Generator, port: Port, steps: int, reach: float, step: float) -> Array:
     # A random walk reflected at the ends of part of the range.
     middle, half = 0.5 * (port.low + port.high), 0.5 * reach * (port.high - port.low)
@@ -33,7 +38,7 @@ def _chirp(port: Port, steps: int, reach: float, phase: float) -> Array:
     t = np.linspace(0.0, 1.0, steps)
     middle, half = 0.5 * (port.low + port.high), 0.5 * reach * (port.high - port.low)
     wave = middle + half * np.sin(2 * np.pi * (2 * t + 20 * t * t) + phase)
-    return single(wave if port.size == 1 else np.tile(wave[:, None], (1, port.size)))
+    return single(_spread(port, wave))
 
 
 def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: int) -> Array:
@@ -46,16 +51,10 @@ def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: i
     for f in (p for p in block.outputs if p.flags):
         marks += [s * x.threshold for x in f.flags for s in (-1, 1)]
     values = np.asarray(marks, dtype=np.float32)
-    around = np.concatenate(
-        [
-            values,
-            np.nextafter(values, np.float32(np.inf)),
-            np.nextafter(values, np.float32(-np.inf)),
-        ]
-    ).astype(np.float64)
+    beside = [np.nextafter(values, np.float32(end)) for end in (np.inf, -np.inf)]
+    around = np.concatenate([values, *beside]).astype(np.float64)
     around = around[(around >= port.low) & (around <= port.high)]
-    held = np.repeat(rng.choice(around, steps), rng.integers(1, 4, steps))[:steps]
-    return held if port.size == 1 else np.tile(held[:, None], (1, port.size))
+    return _spread(port, np.repeat(rng.choice(around, steps), rng.integers(1, 4, steps))[:steps])
 
 
 def _whole(port: Port, values: Array) -> Array:
@@ -76,8 +75,7 @@ def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
         held = np.where(
             (np.arange(steps) // 400) % 3 == 2, wave[(np.arange(steps) // 50) * 50], wave
         )
-        value = single(0.5 * (p.low + p.high) + 0.5 * (p.high - p.low) * held)
-        return value if p.size == 1 else np.tile(value[:, None], (1, p.size))
+        return _spread(p, single(0.5 * (p.low + p.high) + 0.5 * (p.high - p.low) * held))
 
     def jumps(_: int, p: Port) -> Array:
         return single(rng.choice([p.low, p.high, 0.5 * p.high, 0.0], _shape(p, steps)))
@@ -284,5 +282,5 @@ def working_inputs(system: System, task: Task, steps: int) -> dict[str, Array]:
             value = np.where(t > steps - 50, 1.0, 0.0)
         else:
             value = 0.2 * x.port.high * np.sin(t / (37 + 5 * i))
-        found[name] = single(value if x.port.size == 1 else np.tile(value[:, None], x.port.size))
+        found[name] = single(_spread(x.port, value))
     return found

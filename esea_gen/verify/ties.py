@@ -6,11 +6,11 @@ state is moved until both meet; kept is what shows when the decision is turned.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import joblib
 import numpy as np
 import numpy.typing as npt
 
@@ -50,7 +50,7 @@ def aimed_stream(
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
     if not aim.decisions:
         return []
-    digest = aim.digest(tried, f"{seed} {trials}")
+    digest = aim.digest(tried, (seed, trials))
     if digest not in _FOUND:  # of an equal Block, as devices share them
         _FOUND[digest] = _aimed(aim, tried, seed, trials)
     return _FOUND[digest]
@@ -107,20 +107,12 @@ class _Aim:
         ]
         return cls(block, fmt, kernel, decisions, coefficients_of(block, fmt, {}))
 
-    def digest(self, tried: Sequence[Stream], more: str) -> str:
+    def digest(self, tried: Sequence[Stream], more: tuple[int, ...]) -> str:
         # Of all that the search reads.
-        said = hashlib.sha256(f"{self.fmt.name} {more}\n{self.kernel}".encode())
-        double = FORMATS["f64"]
-        exact = coefficients_of(self.block, double, {})
-        memory = (*self.coefficients, *exact, *initial_state(self.block, double, exact))
-        said.update(repr((self.ports, [np.asarray(v).tolist() for v in memory])).encode())
-        for stream in tried:
-            said.update(repr([*stream.coefficients]).encode())
-            for values in (stream.inputs, *stream.injections.values()):
-                for name, value in values.items():
-                    said.update(name.encode() + np.ascontiguousarray(value).tobytes())
-            said.update(repr([*stream.injections]).encode())
-        return said.hexdigest()
+        exact = coefficients_of(self.block, FORMATS["f64"], {})
+        memory = exact, initial_state(self.block, FORMATS["f64"], exact)
+        content = self.fmt.name, self.kernel, self.ports, self.coefficients, memory, tried, more
+        return str(joblib.hash(content))
 
     @property
     def first(self) -> int:
@@ -138,16 +130,12 @@ class _Aim:
 
 def _pool(aim: _Aim, tried: Sequence[Stream], rng: np.random.Generator) -> list[Array]:
     # Any step of the given streams that lies within all ports' ranges.
-    double = FORMATS["f64"]
-    coefficients = coefficients_of(aim.block, double, {})
-    initial = initial_state(aim.block, double, coefficients)
     found: list[list[Array]] = []
     for stream in tried:
         if stream.coefficients:
             continue
         _, states = run_symbolic(aim.block, stream)
-        arguments = step_arguments(aim.block, stream, states, initial, coefficients, double)
-        arguments = arguments[aim.first :]
+        arguments = step_arguments(aim.block, stream, states, FORMATS["f64"])[aim.first :]
         inside = np.all(
             [
                 np.all((a >= p.low) & (a <= p.high), axis=1)

@@ -12,8 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.impedance import OutputImpedance
+from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
 from esea_gen.analysis.plots import (
     bode,
     crossed,

@@ -8,7 +8,6 @@ import math
 import re
 import subprocess
 import sys
-import tomllib
 from datetime import UTC, datetime
 from typing import get_args
 
@@ -55,12 +54,12 @@ from esea_host.cli.app import app
 from esea_host.recording.integrity import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
+from esea_host.study.words import words_of
 from tests.assess.test_assess import made_up
 from tests.browser import browser, readable
 from tests.conftest import ROOT, require_tool
 
 DEG = math.pi / 180
-MESSAGES = ROOT / "host" / "esea_host" / "study" / "messages"
 
 
 # -- patients ---------------------------------------------------------------------------------
@@ -752,10 +751,10 @@ def test_every_command_says_what_it_is_not():
         told = CliRunner().invoke(app, ["assess", command, "--help"]).output
         assert "Not a medical device" in told, command
     # On the display, in either language, what is true of any data base.
-    shown = [tomllib.loads(p.read_text()) for p in (MESSAGES / "en.toml", MESSAGES / "de.toml")]
-    assert shown[0]["knee_notice"] == MEASURED_NOTICE
-    assert shown[1]["knee_notice"].count(".") == 2
-    assert "erprobt" in shown[1]["knee_notice"]  # tried, as in English; not trained
+    shown = [words_of(x).scene("knee_notice", {}) for x in ("en", "de")]
+    assert shown[0] == MEASURED_NOTICE
+    assert shown[1].count(".") == 2
+    assert "erprobt" in shown[1]  # tried, as in English; not trained
 
 
 @pytest.mark.parametrize("choice", [["--summary", "kernel"], ["--measure", "inherent"]])

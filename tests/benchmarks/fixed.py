@@ -111,7 +111,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
         skip = {"main.c"}
         files = {n: t for n, t in renderer.files().items() if n not in skip and "/" not in n}
     files["bare.c"] = renderer.render("bench/fixed.c.j2", **context)
-    files["bare.ld"] = renderer.render("verify/bare_task.ld.j2", **context)
+    files["bare.ld"] = renderer.render("verify/bare.ld.j2", **context)
     return files
 
 
@@ -147,7 +147,8 @@ def fixed_rows(device: Device, say: Callable[[str], None]) -> list[dict]:
         for board in ("m3", "m0"):
             core = BARE_BOARDS[board].core
             say(f"fixed point, {core}")
-            inputs = {x.name: theta for x in device.system.task_inputs(device.system.tasks[0])}
+            task = device.system.tasks[0]
+            inputs = {task.name: {x.name: theta for x in device.system.task_inputs(task)}}
             runs = [run_bare(device, real, board, inputs) for real in ("q31", "f32")]
             for run in runs:
                 if not run.identical:

@@ -27,12 +27,15 @@ from scipy.optimize import differential_evolution
 from esea_gen.device import load_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.fit import POPULATION, multi_start
 from esea_gen.identify.published.plant import ROWS_SEARCH, FitStream, FittedPlant
-from esea_gen.identify.published.search_memo import SearchMemo
-from esea_gen.identify.published.search_problem import PresentBest, Searching, SearchProblem
-from esea_gen.identify.published.searches import POPULATION, multi_start
-from esea_gen.identify.published.space import Space
+from esea_gen.identify.published.search_problem import (
+    PresentBest,
+    Searching,
+    SearchMemo,
+    SearchProblem,
+)
+from esea_gen.identify.published.space import Space, bounds_of
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.ports import Array

@@ -196,7 +196,7 @@ def test_exhausted_stack_latches_a_fault_and_no_step_is_taken(elbow, native):
         assert board.heartbeat.system_status == board.dialect.MAV_STATE_CRITICAL
         assert board.fault().startswith("STACK_EXHAUSTED")
         with pytest.raises(LinkError, match="STACK_EXHAUSTED"):
-            board.run_task("sense", {"theta_rad": chirp(10)})
+            board.run_tasks({"sense": {"theta_rad": chirp(10)}})
         assert board.info().steps == 0
         with pytest.raises(LinkError, match="cannot reset: STACK_EXHAUSTED"):
             board.reset()
@@ -386,14 +386,14 @@ def test_emulated_reset_and_noise(elbow, image):
     need("qemu-system-arm")
     stream = {"theta_rad": chirp(60)}
     with RunningBoard(elbow, image) as board:
-        first, _ = board.run_task("sense", stream)
+        first, _ = board.run_tasks({"sense": stream})
         board.send_bytes(b"\x00\x55\xaa noise that is no frame" * 20)
         board.send_bytes(struct.pack("<BB", 0xFD, 4) + bytes(40))
         board.reset()
-        second, _ = board.run_task("sense", stream)
+        second, _ = board.run_tasks({"sense": stream})
         info = board.info()
         said = kept_values(board)
-    assert first_difference(first, second) is None
+    assert first_difference(first["sense"], second["sense"]) is None
     assert info.steps == 60
     assert info.bad_frames + info.unknown_messages > 0
     # QEMU knows no PLL: the image stays at its first clock, and says so whenever it is asked.

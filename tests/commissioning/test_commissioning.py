@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedPlant
 from esea_host.cli import main

@@ -13,7 +13,7 @@ from esea_gen.control.predictive.drive import drive_model
 from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.control.predictive.rubber_ahead import FamilyAhead, rubber_ahead
 from esea_gen.device import Device, parse_device
-from esea_gen.identify.family.file import family_device
+from esea_gen.identify.family.identification import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.studies.registry import load_study

@@ -20,7 +20,7 @@ from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.program import Program
 from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
-from esea_gen.studies.step import StepStudy
+from esea_gen.studies.responses import StepStudy
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case

@@ -14,7 +14,7 @@ from esea_gen.device import board_device
 from esea_gen.devices.file import read_file
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.hand import HANDS
 from esea_host.commissioning import StepOptions, run_step, simulated_bench, steps_of
 from esea_host.connection import open_device

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import esea_gen
 from esea_gen.board import bare
-from esea_gen.board.bare import emulate, run_bare_system
+from esea_gen.board.bare import emulate, run_bare
 from esea_gen.cli import app
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.errors import any_bound, block_bound
@@ -213,9 +213,7 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
     """Encoders to motor command on a Cortex-M0, from counts of the loop with the virtual plant."""
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
         require_tool(tool)
-    recorded = record_drive(drive, 60)
-    inputs = {t: {n: a for n, a in v.items() if n} for t, v in recorded.inputs.items()}
-    ran = {}
+    inputs, ran = record_drive(drive, 60).inputs, {}
 
     def content(files, board):
         return board.machine, *sorted(files.items())
@@ -225,7 +223,7 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
         return ran[content(files, board)]
 
     monkeypatch.setattr(bare, "emulate", kept)
-    found = run_bare_system(drive, "q31", "m0", inputs)
+    found = run_bare(drive, "q31", "m0", inputs)
     assert found.identical, found.first_difference
     assert found.steps == 60
     # Four ticks of five run the sensing task alone.
@@ -244,7 +242,7 @@ def test_both_tasks_on_a_board_bit_for_bit(drive, monkeypatch):
     monkeypatch.setattr(CBoard, "step", other)
     # The board's side is as before: the very files that it ran.
     monkeypatch.setattr(bare, "emulate", lambda files, board: ran[content(files, board)])
-    changed = run_bare_system(drive, "q31", "m0", inputs)
+    changed = run_bare(drive, "q31", "m0", inputs)
     assert not changed.identical
     assert "at step 39" in changed.first_difference
 

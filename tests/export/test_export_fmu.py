@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -412,12 +413,14 @@ int main(void)
 
 def test_no_leak_and_no_undefined_behaviour(sensor, tmp_path):
     """The whole interface under the compiler's sanitizers; armed: an instance that is not freed."""
+    import fmpy
+
     with zipfile.ZipFile(sensor["3"]) as archive:
         archive.extractall(tmp_path)
     source = tmp_path / "sources"
     driver, built = DRIVER % check_fmu(sensor["3"])["token"], tmp_path / "driver"
     flags = ("-std=c99", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    plain = ("-DFMI3_OVERRIDE_FUNCTION_PREFIX", f"-I{ROOT / 'templates/export/fmi'}")
+    plain = ("-DFMI3_OVERRIDE_FUNCTION_PREFIX", f"-I{Path(fmpy.__file__).parent / 'c-code'}")
     for text, said in ((driver, ""), (driver.replace("fmi3FreeInstance(i);", ""), "leaked")):
         (source / "driver.c").write_text(text)
         subprocess.run(["gcc", *flags, *plain, "-o", built, *source.glob("*.c")], check=True)
@@ -451,6 +454,9 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
         assert said in str(failed.exception)
     missing = run(app, ["export", "check", "none.fmu"])
     assert "No such file" in str(missing.exception)
+    monkeypatch.setitem(sys.modules, "fmpy", None)
+    bare = run(app, ["export", "fmu", "elbow", "--block", "velocity"])
+    assert "pip install 'esea-gen[fmu]'" in str(bare.exception)
 
 
 @pytest.mark.slow

@@ -485,21 +485,22 @@ def campaign(target: str, seed: int, numbers: Iterator[int], seconds: float) -> 
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("target", choices=TARGETS)
+    parser.add_argument("targets", choices=TARGETS, nargs="+", metavar="TARGET")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--inputs", type=int, default=1 << 62)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--plant", action="store_true")
     given = parser.parse_args()
-    if given.plant:
-        plant(given.target)
+    for target in given.targets if given.plant else ():
+        plant(target)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (used + MOST_BYTES, hard))
-    numbers = iter(range(given.first, given.first + given.inputs))
-    found = campaign(given.target, given.seed, numbers, given.seconds)
-    print(json.dumps({"target": given.target, "seed": given.seed, "used_bytes": used, **found}))
+    for target in given.targets:
+        numbers = iter(range(given.first, given.first + given.inputs))
+        found = campaign(target, given.seed, numbers, given.seconds)
+        print(json.dumps({"target": target, "seed": given.seed, "used_bytes": used, **found}))
 
 
 if __name__ == "__main__":

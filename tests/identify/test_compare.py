@@ -18,19 +18,17 @@ from esea_gen.cli.app import app
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.family.compare import CompareRow, choose
-from esea_gen.identify.family.file import family_device
+from esea_gen.identify.family.compare import PEERS, CompareRow, choose, fit_peer
 from esea_gen.identify.family.fit import (
     UnitTerms,
     fit_member,
+    members,
     solve_weights,
     trained_scale,
 )
-from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.family.members import members
-from esea_gen.identify.family.peers import PEERS, fit_peer
+from esea_gen.identify.family.identification import family_device, identify_member
 from esea_gen.identify.recording.conditions import splits_of
-from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.recorded import Misfits
 from esea_gen.verify.step_count import sensor_instructions
 from tests.conftest import ROOT, require_tool
 from tests.identify.test_recordings import MAPPING

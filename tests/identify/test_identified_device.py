@@ -8,6 +8,7 @@ from decimal import ROUND_CEILING, Decimal
 import numpy as np
 import pytest
 
+from esea_gen.device import with_numbers
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.drafting import (
     draft,
@@ -15,9 +16,8 @@ from esea_gen.identify.drafting import (
     sourced_device,
 )
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.parameters import bounds_of, with_values
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import Uncertainty
+from esea_gen.identify.published.plant import FittedPlant, Uncertainty
+from esea_gen.identify.published.space import bounds_of, place_of
 from tests.conftest import require_tool
 from tests.rigs import written
 
@@ -101,7 +101,9 @@ def test_a_fitted_devices_limit_is_what_its_model_gives_from_end_to_end(
     fit = Fit(values, 1e-3, 8, 8, 1.0)
     device = fitted_device(source, recordings, template, fit, largest_rate_Nm)
     theta = template.file.limits.theta_rad.value * (1 - 1e-7)  # inside in single precision too
-    free = with_values(template, values, limits={"tau_Nm": 1000.0}).sensor.simulator()
+    free = with_numbers(
+        template, {place_of(k): v for k, v in values.items()} | {"limits.tau_Nm": 1000.0}
+    ).sensor.simulator()
     free.step(theta_rad=-theta, omega_rad_s=0.0)
     reach = free.step(theta_rad=theta, omega_rad_s=0.0)["tau_Nm"] + 1.5 * largest_rate_Nm
     assert float(reach) > template.file.limits.tau_Nm.value

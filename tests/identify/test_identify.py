@@ -14,9 +14,8 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, identify
-from esea_gen.identify.published.parameters import bounds_of
 from esea_gen.identify.published.search_problem import solve_linear
-from esea_gen.identify.published.space import Space, parameters_of
+from esea_gen.identify.published.space import Space, bounds_of, parameters_of
 from tests.conftest import ROOT, require_tool
 from tests.identify.test_recordings import MAPPING, loops
 from tests.rigs import says, table

@@ -16,9 +16,8 @@ import pytest
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.plays import KEYS, play_spread
-from esea_gen.identify.published.uncertainty import uncertainty
+from esea_gen.identify.inverse import KEYS, play_spread
+from esea_gen.identify.published.plant import FittedPlant, uncertainty
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.resampling import FitRows
 from esea_gen.model.sensing import sensing_system

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from esea_gen.identify.notes import band_notes, notes_of
-from esea_gen.identify.published.parameters import bounds_of
+from esea_gen.identify.published.space import bounds_of
 
 VALUES = {
     "k1_Nm_rad": 10.0,

@@ -17,11 +17,10 @@ from esea_gen.device import load_device
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
 from esea_gen.identify import judge, load_mapping, load_recordings
-from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of
+from esea_gen.identify.family.fit import UnitTerms, fit_member, members, misfits_of
 from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.family.members import members
 from esea_gen.identify.notes import temperature_notes
-from esea_gen.identify.recording.temperatures import searched_factor
+from esea_gen.identify.recording.conditions import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.device import Device, load_device, parse_device
-from esea_gen.devices.writing import render_toml
+from esea_gen.devices.file import render_toml
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
@@ -28,7 +28,7 @@ from esea_gen.model.published_inverse import (
     filter_taps,
     published_inverse,
 )
-from esea_gen.reproduce.chapter4 import sensed_torque
+from esea_gen.reproduce.torque_model import sensed_torque
 from esea_gen.verify.bounds import derive_bounds, forward_residual, residual_flag
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify

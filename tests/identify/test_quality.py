@@ -12,8 +12,8 @@ import pytest
 from esea_gen.identify import identification as identification_file
 from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify.identified import gate_notes
 from esea_gen.identify.recording.quality import Finding, jumps
-from esea_gen.identify.recording.quality_gate import gate_notes
 from tests.conftest import ROOT, require_tool
 from tests.rigs import mapped, refused, rig, written
 

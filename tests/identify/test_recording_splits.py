@@ -11,9 +11,8 @@ import pytest
 from esea_gen.errors import UserError
 from esea_gen.identify.recording.conditions import conditions_of, divided, splits_of
 from esea_gen.identify.recording.cycles import DataSet
-from esea_gen.identify.recording.misfit import Misfits
-from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.replay import recorded_deflections, recordings_for
+from esea_gen.identify.recording.reading import recorded_deflections, recordings_for
+from esea_gen.identify.recording.recorded import Misfits, Recording
 from esea_gen.identify.recording.tables import Cycles
 
 BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])

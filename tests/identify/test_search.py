@@ -9,17 +9,15 @@ import pytest
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.published.parameters import bounds_of
-from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.search_memo import HEAD, SearchMemo
-from esea_gen.identify.published.search_problem import Searching, SearchProblem
-from esea_gen.identify.published.searches import (
+from esea_gen.identify.published.fit import (
     SEARCHES,
     interior_point,
     search_named,
     threshold_minima,
 )
-from esea_gen.identify.published.space import Space, parameters_of
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.search_problem import HEAD, Searching, SearchMemo, SearchProblem
+from esea_gen.identify.published.space import Space, bounds_of, parameters_of
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.block import Block
@@ -27,7 +25,7 @@ from esea_gen.language.ports import Port, Tunable, around
 from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.slopes import sloped
-from esea_gen.report.pictures import search_picture
+from esea_gen.report.figures import search_picture
 from tests.benchmarks.identification import KEYS, NumpyPopulation
 from tests.rigs import rig, written
 

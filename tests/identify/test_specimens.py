@@ -10,8 +10,7 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
-from esea_gen.identify.reliability import coefficients
-from esea_gen.identify.specimens import NODES, joint_fit, torque_table
+from esea_gen.identify.reliability import NODES, coefficients, joint_fit, torque_table
 from tests.result_schemas import held
 from tests.rigs import mapped, rig
 

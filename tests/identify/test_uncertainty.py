@@ -11,12 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.cli import app
-from esea_gen.device import Device, load_device
+from esea_gen.device import Device, load_device, with_numbers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.published.parameters import with_values
 from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.uncertainty import uncertainty as identified
+from esea_gen.identify.published.plant import uncertainty as identified
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.studies.uncertainty import motions as room
@@ -32,10 +31,12 @@ from esea_gen.studies.uncertainty.study import (
     PARAMETERS,
     QUANTISATION,
     RATE,
+    RATES,
     TOGETHER,
+    TORQUES,
+    Tally,
     torque_uncertainty,
 )
-from esea_gen.studies.uncertainty.tally import RATES, TORQUES, Tally
 from tests.conftest import ROOT, require_tool
 from tests.observed import filtered
 
@@ -48,7 +49,7 @@ def cubic(elbow) -> Device:
     """Spring alone: no memory, so that first-order propagation is exact arithmetic."""
     e = elbow.file.elastomer.model_copy(update={"maxwell": None})
     bare = Device(elbow.file.model_copy(update={"elastomer": e}), "spring.toml")
-    return with_values(bare, {"alpha_Nm_rad": 0.0})
+    return with_numbers(bare, {"elastomer.alpha_Nm_rad": 0.0})
 
 
 @pytest.fixture(scope="module")
@@ -175,8 +176,6 @@ def test_the_continuous_model_has_converged(elbow):
     require_tool("gcc")
     from scipy.interpolate import CubicSpline
 
-    from esea_gen.device import with_numbers
-
     t = np.arange(3000) * 1e-3
     path = CubicSpline(t, 0.15 * np.sin(2 * np.pi * 0.8 * t))
     torque = {}
@@ -270,7 +269,7 @@ def test_the_command_refuses(arguments, said):
 
 def test_a_device_without_linear_stiffness_is_refused(elbow):
     with pytest.raises(UserError, match="no unique inverse"):
-        torque_uncertainty(with_values(elbow, {"k1_Nm_rad": 0.0}), 2)
+        torque_uncertainty(with_numbers(elbow, {"elastomer.k1_Nm_rad": 0.0}), 2)
 
 
 def test_what_the_models_form_leaves_is_the_devices_own(found):

@@ -14,10 +14,8 @@ import pytest
 from scipy.optimize import nnls
 
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.family.file import drafted_member, family_section
-from esea_gen.identify.family.fit import UnitTerms, fit_member, member_spread, not_seen
-from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.family.members import members
+from esea_gen.identify.family.fit import UnitTerms, fit_member, member_spread, members, not_seen
+from esea_gen.identify.family.identification import drafted_member, family_section, identify_member
 from esea_gen.identify.notes import temperature_notes, told_apart_notes
 from esea_gen.identify.recording.resampling import FitRows, resampled
 from esea_gen.model.family import FittedMember, Member, Rise, Term

@@ -15,9 +15,8 @@ from hypothesis.extra import numpy as hnp
 from esea_gen.analysis.passivity import Hand
 from esea_gen.errors import UserError
 from esea_gen.studies.passivity.push import PushRun, judge_push, push_case, run_push
-from esea_gen.studies.passivity.region import push_map
 from esea_gen.studies.passivity.sliding import check_sliding, sliding_condition
-from esea_gen.studies.passivity.study import HANDS, study_interaction
+from esea_gen.studies.passivity.study import HANDS, push_map, study_interaction
 from esea_gen.studies.tracking import Grid
 from esea_gen.twin.case import OFF, Setting
 from esea_gen.twin.controllers import controller_device

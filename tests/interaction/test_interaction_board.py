@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import esea_gen
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.interaction.confirming import expected, judge, spring_Nm_rad
 from esea_host.interaction.on_board import ElementBoard
 from esea_host.interaction.recordings import cut_trials, read_angle

@@ -15,8 +15,8 @@ from esea_gen.emit.fixed.errors import any_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
-from esea_gen.identify.family.file import family_device as device_of
-from esea_gen.identify.family.members import members
+from esea_gen.identify.family.fit import members
+from esea_gen.identify.family.identification import family_device as device_of
 from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_inverse import family_inverse

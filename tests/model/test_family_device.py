@@ -14,9 +14,8 @@ from esea_gen.device import Device, load_device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.family.file import family_device, family_section
-from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.family.members import members
+from esea_gen.identify.family.fit import members
+from esea_gen.identify.family.identification import family_device, family_section, identify_member
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, stiffness_range_Nm_rad
 from esea_gen.report.identification import identification_page

@@ -16,7 +16,7 @@ from esea_gen.emit.fixed.plan import Planner
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import to_raw
 from esea_gen.hostlib.library import compile_system
-from esea_gen.identify.family.file import family_device
+from esea_gen.identify.family.identification import family_device
 from esea_gen.language.block import Guard, Labels
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_inverse import family_inverse

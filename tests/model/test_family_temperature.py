@@ -19,7 +19,7 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.export.fmu import make_fmu
 from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.family.file import family_device
+from esea_gen.identify.family.identification import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, rubber_inverse, stiffness_range_Nm_rad
 from esea_gen.model.temperature import TemperatureFactor

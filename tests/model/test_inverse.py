@@ -17,7 +17,7 @@ from esea_gen.language.stream import SPECIAL, Stream, single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import filter_taps, published_inverse
-from esea_gen.studies.uncertainty.signals import SIGNALS
+from esea_gen.studies.uncertainty.motions import SIGNALS
 from esea_gen.verify.runs import run_c
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from esea_gen.identify.recording.temperatures import (
+from esea_gen.identify.recording.conditions import (
     at_edge,
     at_temperature,
     far_apart,

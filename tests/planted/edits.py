@@ -66,6 +66,7 @@ class PythonMutant:
     """One file with one fault."""
 
     path: str
+    function: str  # that it stands in, as its code object is named; empty outside of all
     line: int
     kind: str
     edit: str
@@ -234,15 +235,28 @@ class PythonFaults:
             for x in ast.walk(self.tree)
             if x not in self.silent
         )
-        self.places: list[tuple[ast.AST, ast.AST, Change, str]] = []
-        self._visit(self.tree, self.tree, False, path.endswith(_STREAMS))
+        self.places: list[tuple[ast.AST, ast.AST, Change, str, str]] = []
+        self._visit(self.tree, self.tree, ("", ""), False, path.endswith(_STREAMS))
 
     def __len__(self) -> int:
         return len(self.places)
 
-    def _visit(self, node: ast.AST, statement: ast.AST, in_text: bool, in_stream: bool) -> None:
+    def _visit(
+        self,
+        node: ast.AST,
+        statement: ast.AST,
+        scope: tuple[str, str],
+        in_text: bool,
+        in_stream: bool,
+    ) -> None:
         if node in self.silent:
             return
+        function, before = scope  # and what a name of its own has in front
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            function = before + node.name
+            before = f"{function}.<locals>."
+        elif isinstance(node, ast.ClassDef):
+            before += f"{node.name}."
         if isinstance(node, ast.stmt):
             statement = node
         in_text = in_text or isinstance(node, ast.JoinedStr)
@@ -253,13 +267,13 @@ class PythonFaults:
             why = _suspicion(node, change[0], in_text, in_stream)
             gone = change[3]
             here = (node, shown) if gone is None else (gone, gone)
-            self.places.append((*here, change, why))
+            self.places.append((*here, change, why, function))
         for child in ast.iter_child_nodes(node):
-            self._visit(child, statement, in_text, in_stream)
+            self._visit(child, statement, (function, before), in_text, in_stream)
 
     def make(self, k: int) -> PythonMutant | None:
         """The fault number k; None where it changes nothing that Python sees."""
-        node, shown, (kind, do, undo, _), suspect = self.places[k]
+        node, shown, (kind, do, undo, _), suspect, function = self.places[k]
         before = _line_of(node, shown), _edited(shown)
         do()
         try:
@@ -270,7 +284,7 @@ class PythonFaults:
             return None
         old, new = _pair(before[1], after)
         edit = _pair(before[1], "")[0] if kind == _DELETED else f"{old}  ->  {new}"
-        return PythonMutant(self.path, before[0], kind, edit, suspect, text)
+        return PythonMutant(self.path, function, before[0], kind, edit, suspect, text)
 
 
 def _line_of(node: ast.AST, shown: ast.AST) -> int:

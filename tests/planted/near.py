@@ -11,6 +11,7 @@ from esea_gen.errors import UserError
 PACKAGE = "esea_gen"
 # Tests that hold against committed output, or against the whole checkout.
 COMMITTED = ("test_traces.py", "test_docs.py", "test_house.py", "test_wheel.py", "test_main_job.py")
+EMITTER = "esea_gen.emit.build"
 LEAST = 4  # so many test files are asked at least, for the nearest need not run the line
 
 
@@ -48,16 +49,30 @@ class Importers:
             for name in used:
                 self.users[name].add(user)
 
-    def distances(self, source: Path) -> dict[Path, int]:
-        """Steps of import from each test file to a source, nearest first."""
+    def emits(self, source: Path) -> bool:
+        """Whether what is emitted follows from a source, by import."""
+        return EMITTER in self._users_of(source)
+
+    def _users_of(self, source: Path) -> dict[str, int]:
+        # Modules that import a source, themselves or through others, and in how many steps.
         far = {_name(source): 0}
         todo = [_name(source)]
         for name in todo:
             for user in sorted(self.users[name] - set(far)):
                 far[user] = far[name] + 1
                 todo.append(user)
+        return far
+
+    def distances(self, source: Path) -> dict[Path, int]:
+        """Steps of import from each test file to a source, nearest first."""
+        far = self._users_of(source)
         tests = {self.paths[n]: k for n, k in far.items() if self.paths[n].parts[0] == "tests"}
         return {p: k for p, k in tests.items() if p.name.startswith("test_")}
+
+
+def is_committed(test: str) -> bool:
+    """Whether a test stands in a file of those that compare with committed output."""
+    return Path(test.partition("::")[0]).name in COMMITTED
 
 
 def near_tests(graph: Importers, source: Path, *, independent: bool, widen: int = 0) -> list[str]:
@@ -69,7 +84,7 @@ def near_tests(graph: Importers, source: Path, *, independent: bool, widen: int 
         named = len(words & {w.rstrip("s") for w in p.stem.split("_")})
         return far[p], -named, graph.size[p]
 
-    usable = (p for p in far if not (independent and p.name in COMMITTED))
+    usable = (p for p in far if not (independent and is_committed(p.name)))
     kept = sorted(usable, key=rank)
     if not kept:
         raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")

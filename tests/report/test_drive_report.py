@@ -12,11 +12,11 @@ import pytest
 
 from esea_gen import load_device
 from esea_gen.board.emulator import Difference
+from esea_gen.files import plain
 from esea_gen.plotting import svg
 from esea_gen.report import builder, drive
-from esea_gen.report.board import BoardRun, run_board
 from esea_gen.report.builder import gather
-from esea_gen.report.page import finite
+from esea_gen.report.findings import BoardRun, run_board
 from esea_gen.studies.simulation import simulate
 from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
@@ -99,7 +99,7 @@ def test_its_numbers_are_those_of_the_commands(findings, html):
     assert row["ratio"] == pytest.approx(row["rms_true_Nm"] / row["printed_rms_true_Nm"])
     assert row["thesis_rms_Nm"] == 0.590
     assert f"{row['rms_true_Nm']:.4f}" in Page(html).text
-    step = finite(simulate("step", Setting("smc")).to_dict()["steps"])
+    step = plain(simulate("step", Setting("smc")).to_dict()["steps"], null=True)
     assert findings.to_dict()["response"]["steps"] == step
 
 

@@ -17,10 +17,10 @@ from esea_gen.board.emulator import Difference
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.identify import Identification, identify
-from esea_gen.report import board as boards
 from esea_gen.report import builder, sensing
-from esea_gen.report.board import BoardRun, run_board
+from esea_gen.report import findings as boards
 from esea_gen.report.builder import Report, gather
+from esea_gen.report.findings import BoardRun, run_board
 from esea_gen.report.identification import identification_page
 from esea_gen.report.page import number
 from esea_gen.verify import equivalence

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from esea_gen.report import figures
-from esea_gen.report.figures import Curve, plots
+from esea_gen.report.figures import Curve, loops, over_time, plots
 from tests.drawn_figures import legend, line, lines, spans
 
 FULL_SCALE_NM = 4.47
@@ -67,39 +67,37 @@ def test_recordings_of_one_loop_each_share_a_figure(shown):
     assert row["drawn"] < row["parts"] == 20
 
 
-def test_a_loop_lifts_its_pen_between_cycles_and_at_what_was_held_out(shown):
+def test_a_loop_lifts_its_pen_between_cycles_and_at_what_was_held_out():
     at = np.concatenate([np.arange(4), np.arange(40, 44)])  # two cycles, far apart
-    figures.loops(curve(n=60, parts=(("a set", at),), held_out=np.arange(60) >= 42), "x", 1000)
-    drawn = lines(shown[0].axes[0])
-    assert list(drawn) == ["measured", "C, float32", "C, float32, held out"] == legend(shown[0])
+    figure = loops(curve(n=60, parts=(("a set", at),), held_out=np.arange(60) >= 42), 1000)
+    drawn = lines(figure.axes[0])
+    assert list(drawn) == ["measured", "C, float32", "C, float32, held out"] == legend(figure)
     gaps = {k: np.flatnonzero(np.isnan(y)).tolist() for k, (_, _, y) in drawn.items()}
     assert list(gaps.values()) == [[4], [4, 7, 8], [0, 1, 2, 3, 4, 5, 6]]
 
 
-def test_loops_are_in_degrees_with_the_parts_of_the_torque_beside(shown):
-    figures.loops(curve(components=(("spring", 2.0 * np.ones(400)),)), "x", 10_000)
-    loop, parts = shown[0].axes
+def test_loops_are_in_degrees_with_the_parts_of_the_torque_beside():
+    loop, parts = loops(curve(components=(("spring", 2.0 * np.ones(400)),)), 10_000).axes
     for axes, name in ((loop, "C, float32"), (parts, "spring")):
         assert max(lines(axes)[name][1]) == pytest.approx(10.0, rel=1e-3)
     assert set(lines(parts)["spring"][2]) == {2.0}
 
 
 @pytest.mark.parametrize("n", [4000, 40_000])
-def test_a_page_stays_small_and_keeps_peaks(shown, n):
+def test_a_page_stays_small_and_keeps_peaks(n):
     spike = curve(n=n)
     spike.model_Nm[n // 3] = 99.0
-    figures.loops(spike, "x", 400)
-    figures.over_time(spike, "x", 400, FULL_SCALE_NM, None)
-    for figure in shown:
-        for axes in figure.axes:
-            assert all(len(x) <= 402 for _, x, _ in map(line, axes.lines))
-    assert max(lines(shown[1].axes[0])["C, float32"][2]) == 99.0
+    in_time = over_time(spike, 400, FULL_SCALE_NM, None)
+    for axes in (*loops(spike, 400).axes, *in_time.axes):
+        assert all(len(x) <= 402 for _, x, _ in map(line, axes.lines))
+    assert max(lines(in_time.axes[0])["C, float32"][2]) == 99.0
 
 
-def test_torque_its_error_and_its_rounding_stand_in_the_unit_of_their_axis(shown):
+def test_torque_its_error_and_its_rounding_stand_in_the_unit_of_their_axis():
     c = curve(held_out=np.isin(np.arange(400), [5, 6, 7, 20]))
-    figures.over_time(c, "x", 10_000, FULL_SCALE_NM, (c.time_s, 2.5e-6 * np.cos(c.time_s)))
-    torque, error, rounding = shown[0].axes
+    rounding_Nm = 2.5e-6 * np.cos(c.time_s)
+    figure = over_time(c, 10_000, FULL_SCALE_NM, (c.time_s, rounding_Nm))
+    torque, error, rounding = figure.axes
     assert max(lines(torque)["C, float32"][2]) == pytest.approx(3.0, abs=0.001)
     # A torque that is 0.447 Nm too high everywhere, of 4.47 Nm: 10 per cent.
     assert error.get_ylabel().endswith("% full scale")
@@ -111,10 +109,9 @@ def test_torque_its_error_and_its_rounding_stand_in_the_unit_of_their_axis(shown
     assert spans(rounding) == []
 
 
-def test_largest_errors_by_stream_with_0_at_the_left_edge(shown):
+def test_largest_errors_by_stream_with_0_at_the_left_edge():
     rows = [("a", 0.0, 2e-5, 4e-3), ("b", 3e-14, None, None), ("c", None, 1e-4, 20.0)]
-    figures.error_overview(rows, 3.7, "overview")
-    (axes,) = shown[0].axes
+    (axes,) = figures.error_overview(rows, 3.7).axes
     left, right = axes.get_xlim()
     assert left < 3e-14
     assert right > 20
@@ -130,10 +127,9 @@ def test_largest_errors_by_stream_with_0_at_the_left_edge(shown):
     assert all(look(at, 0) == text for at, text in numbers.items())
 
 
-def test_a_parameters_bar_is_its_deviation_in_per_cent_of_its_value(shown):
+def test_a_parameters_bar_is_its_deviation_in_per_cent_of_its_value():
     rows = [("k1", 9.39, 0.0939), ("k3", -200.0, 50.0), ("n", 1.0, 3.0), ("z", 0.0, 1.0)]
-    figures.spread([*rows, ("m", 2.0, None)], "x")
-    (axes,) = shown[0].axes
+    (axes,) = figures.spread([*rows, ("m", 2.0, None)]).axes
     bars = [x for _, x, _ in map(line, axes.lines) if len(x) == 2]
     np.testing.assert_allclose(bars, [[-1.0, 1.0], [-25.0, 25.0], [-200.0, 200.0]])
     assert [t.get_text() for t in axes.texts] == ["±1.0 %", "±25 %", "±300 %"]

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from esea_gen.cli import app, main
 from esea_gen.files import stamped
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.worth import JudgedSamples, torque_worth
+from esea_gen.identify.verdict import JudgedSamples, torque_worth
 from tests.browser import browser, readable
 from tests.report.test_report import Page
 from tests.result_schemas import held

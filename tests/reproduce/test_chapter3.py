@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from esea_gen.reproduce.chapter3 import reproduce_chapter3
+from esea_gen.reproduce.torque_model import reproduce_chapter3
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P
 from tests.observed import filtered

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from esea_gen.reproduce.chapter4 import reproduce_chapter4
 from esea_gen.reproduce.discretisation import (
     OURS,
     REFINE_HZ,
@@ -18,7 +17,8 @@ from esea_gen.reproduce.discretisation import (
     continuous_torque,
     discretisation,
 )
-from esea_gen.studies.uncertainty.signals import SIGNALS
+from esea_gen.reproduce.torque_model import reproduce_chapter4
+from esea_gen.studies.uncertainty.motions import SIGNALS
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P, viscosity
 

@@ -13,19 +13,20 @@ from typer.testing import CliRunner
 
 from esea_gen.cli import app
 from esea_gen.errors import UserError
-from esea_gen.reproduce.catalogue import (
+from esea_gen.reproduce.measures import Measures
+from esea_gen.reproduce.thesis import (
+    CHAPTERS,
     DIFFERS,
     REPRODUCED,
     TAKEN,
     UNEXPLAINED,
     WORDS,
+    HostResults,
     Printed,
     judge_printed,
     published,
+    recompute,
 )
-from esea_gen.reproduce.given import HostResults
-from esea_gen.reproduce.measures import Measures
-from esea_gen.reproduce.thesis import CHAPTERS, recompute
 
 ITEMS, MISPRINTS = published()
 # Counted in the thesis: figures and tables of a chapter.
@@ -191,7 +192,11 @@ def test_results_of_virtual_people_stand_beside_and_prove_nothing(host_files):
 
 
 def test_other_files_are_refused(host_files, tmp_path):
-    for text, said in (("{", "no JSON"), ("[1]", "not a result"), ('{"x": 1}', "not a result")):
+    for text, said in (
+        ("{", "read as JSON"),
+        ("[1]", "not a result"),
+        ('{"x": 1}', "not a result"),
+    ):
         path = tmp_path / "other.json"
         path.write_text(text)
         with pytest.raises(UserError, match=said):

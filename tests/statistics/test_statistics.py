@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
 import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from statsmodels.regression.mixed_linear_model import MixedLM, MixedLMParams
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.power import TTestPower
 
@@ -29,7 +31,7 @@ from esea_host.statistics import (
     signed_rank_power,
     standardised_difference,
 )
-from esea_host.statistics.bayes import bayes_factor_01
+from esea_host.statistics.bayes import log_bayes_factor_01
 
 # R, help page of wilcox.test: Hollander and Wolfe's depression scale.
 BEFORE = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
@@ -185,6 +187,14 @@ def test_t_power_as_g_power_and_statsmodels():
     for n, d, alpha in ((10, 0.3, 0.05), (25, 0.7, 0.01)):
         theirs = TTestPower().power(d, n, alpha)
         assert paired_t_power(n, d, alpha) == pytest.approx(theirs, abs=1e-9)
+    # By mpmath, 25 digits; SciPy's noncentral t is not a number for the first two.
+    for n, d, alpha, power in (
+        (8, 3.0, 1e-4, 0.65897414383567),
+        (8, 3.0, 0.05 / 16, 0.99598517330508),
+        (200, 0.01, 0.05, 0.05227211774845),
+        (2, 5.0, 0.05, 0.42096140914950),
+    ):
+        assert paired_t_power(n, d, alpha) == pytest.approx(power, rel=1e-8)
 
 
 def test_signed_rank_power():
@@ -265,6 +275,106 @@ def test_crossover_t_against_scipy():
     json.dumps(found.to_dict(), allow_nan=False)
 
 
+@st.composite
+def trials(draw):
+    """Two periods of 4 to 24 people in tenths, full of ties; both sequences; the unit's size."""
+    n = draw(st.integers(4, 24))
+    values = st.lists(st.integers(-20, 20), min_size=n, max_size=n)
+    one, two = (np.array(draw(values)) / 10 for _ in range(2))
+    forward = np.array(draw(st.permutations([True, True] + [False] * (n - 2))))
+    return one, two, forward, draw(st.sampled_from([1e-3, 0.3048, 25.4, 1e3, 1e-9, 2**20]))
+
+
+def analysed(one, two, forward):
+    return crossover(one, two, np.where(forward, "S", "E").tolist(), ("S", "E"))
+
+
+def enumerated_ranks(values, group):
+    """Every allocation to two groups, counted one by one."""
+    ranks = scipy.stats.rankdata(np.round(values, 6))
+    sums = np.array([sum(c) for c in itertools.combinations(ranks, int(group.sum()))])
+    seen = ranks[group].sum()
+    return min(1.0, 2 * min(np.mean(sums <= seen + 1e-9), np.mean(sums >= seen - 1e-9)))
+
+
+@settings(max_examples=40, deadline=None)
+@given(trials())
+def test_crossover_in_any_unit_order_and_naming(trial):
+    """Units, people's order, the two periods' and the two treatments' names change no p."""
+    one, two, forward, unit = trial
+    found = analysed(one, two, forward)
+    total = one + two
+    assert found.carry_over.p_rank == pytest.approx(enumerated_ranks(total, forward))
+    turned = np.where(forward, two - one, one - two)
+    assert found.period.p_rank == pytest.approx(enumerated_ranks(turned, forward))
+    theirs = scipy.stats.mannwhitneyu(
+        np.round(total[forward], 6),
+        np.round(total[~forward], 6),
+        method=scipy.stats.PermutationMethod(n_resamples=np.inf),
+    )
+    assert found.carry_over.p_rank == pytest.approx(theirs.pvalue)
+    order = np.random.default_rng(1).permutation(len(one))
+    for other, signs, size in (
+        (analysed(one * unit, two * unit, forward), (1, 1, 1), unit),
+        (analysed(one[order], two[order], forward[order]), (1, 1, 1), 1),
+        (analysed(two, one, ~forward), (1, -1, -1), 1),  # periods swapped
+        (analysed(one, two, ~forward), (-1, 1, -1), 1),  # treatments swapped
+    ):
+        for name, sign in zip(("treatment", "period", "carry_over"), signs, strict=True):
+            a, b = getattr(found, name), getattr(other, name)
+            assert b.p_rank == pytest.approx(a.p_rank, abs=1e-12), name
+            assert b.p == pytest.approx(a.p, rel=1e-6, nan_ok=True)
+            assert b.estimate == pytest.approx(sign * size * a.estimate, rel=1e-9, abs=1e-12 * size)
+
+
+@settings(max_examples=40, deadline=None)
+@given(trials(), st.integers(0, 2**32 - 1))
+def test_mixed_model_with_missing_periods(trial, seed):
+    """Unit, order and names change nothing; where statsmodels converges, it gives the same."""
+    one, two, forward, unit = trial
+    rng = np.random.default_rng(seed)
+    n = len(one)
+    values = np.concatenate([one, two]) + rng.normal(0, 0.3, 2 * n)
+    people, first = np.tile(np.arange(n), 2), np.concatenate([forward, ~forward])
+    period = np.repeat([1, 2], n)
+    kept = rng.permutation(2 * n)[: 2 * n - rng.integers(0, n)]
+
+    def fitted(values, first, period, kept=kept):
+        words = np.where(first, "S", "E")[kept].tolist()
+        return mixed_model(values[kept], people[kept], words, period[kept], ("S", "E"))
+
+    try:
+        found = fitted(values, first, period)
+    except NoStatisticError as error:
+        assert "tell treatment and period apart" in str(error)  # noqa: PT017
+        return
+    for other, signs, size in (
+        (fitted(values * unit, first, period), (1, 1), unit),
+        (fitted(values, first, period, np.sort(kept)), (1, 1), 1),
+        (fitted(values, ~first, period), (-1, 1), 1),
+        (fitted(values, first, 3 - period), (1, -1), 1),
+    ):
+        assert other.treatment == pytest.approx(signs[0] * size * found.treatment, rel=1e-5)
+        assert other.period == pytest.approx(signs[1] * size * found.period, rel=1e-5)
+        assert other.treatment_se == pytest.approx(size * found.treatment_se, rel=1e-5)
+        assert other.treatment_p == pytest.approx(found.treatment_p, rel=1e-4)
+    design = np.column_stack([np.ones(2 * n), first - 0.5, period - 1.5])[kept]
+    model = MixedLM(values[kept], design, groups=people[kept])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it often stops too early, which is why it is not used
+        fit = model.fit()
+    ratio = np.array([[max(1e-9, (found.between_sd / found.within_sd) ** 2)]])
+    ours, theirs = (
+        model.loglike(MixedLMParams.from_components(cov_re=r, fe_params=np.zeros(3)))
+        for r in (ratio, np.maximum(fit.cov_re / fit.scale, 1e-9))
+    )
+    assert ours >= theirs - 1e-6
+    effects, _ = model.get_fe_params(ratio, np.zeros(0))
+    assert effects[1:] == pytest.approx([found.treatment, found.period], rel=1e-5, abs=1e-7)
+    scale = model.get_scale(effects, ratio, np.zeros(0))
+    assert found.within_sd**2 == pytest.approx(scale, rel=1e-5)
+
+
 # -- belief, coders -------------------------------------------------------------------------------
 
 
@@ -272,10 +382,14 @@ def test_rs_bayes_factor():
     """BayesFactor, ttestBF on sleep: 17.25888; Rouder et al. 2009: t = 2.03, N = 80, r = 1."""
     found = bayes_paired(DRUG_1, DRUG_2)
     assert 1 / found.bayes_factor_01 == pytest.approx(17.25888, abs=1e-4)
-    assert bayes_factor_01(2.03, 80, 1.0) == pytest.approx(1.56, abs=0.005)
+    assert math.exp(log_bayes_factor_01(2.03, 80, 1.0)) == pytest.approx(1.56, abs=0.005)
+    # Any strength of evidence has a logarithm: t of 1e6 and more, by mpmath.
+    assert log_bayes_factor_01(1e6, 4) == pytest.approx(-25.960043884374, rel=1e-8)
+    assert log_bayes_factor_01(1e9, 200) == pytest.approx(-3575.9579847773, rel=1e-8)
     # With a flat prior the interval is Student's.
     assert (found.low, found.high) == pytest.approx((-2.459886, -0.7001142))
     assert found.probability_positive == pytest.approx(0.002833 / 2, abs=1e-6)
+    assert bayes_paired([1, 1.0001, 1.0002, 1.0003]).bayes_factor_01 > 0
     assert bayes_paired(DRUG_1, DRUG_2, equivalence=99.0).probability_equivalent > 0.999
 
 
@@ -323,11 +437,22 @@ def test_kappa():
             lambda: mixed_model(
                 [1.0, 2.0, 2.0, 1.0], ["a", "b"] * 2, ["S", "E", "E", "S"], [1, 1, 2, 2], ("S", "E")
             ),
+            "tell treatment and period apart",
+        ),
+        (lambda: mixed_model([1.0] * 4, "abab", "SSXX", [1, 1, 2, 2], ("S", "E")), "period X"),
+        (lambda: mixed_model([1.0] * 4, "abab", "SSEE", [1, 1, 2, 3], ("S", "E")), "period 3"),
+        (lambda: mixed_model([1.0] * 4, "aaab", "SSEE", [1, 1, 2, 2], ("S", "E")), "Average them"),
+        (
+            lambda: mixed_model(
+                [1, 2, 3, 4, 2, 3, 4, 5], "abcd" * 2, "SSEEEESS", [1] * 4 + [2] * 4, ("S", "E")
+            ),
             "no standard errors",
         ),
         (lambda: cohens_kappa(["a"], ["a", "b"]), "1 items of one coder, 2"),
         (lambda: cohens_kappa(["a", "a"], ["a", "a"]), "one code only"),
         (lambda: paired_t_power(1, 0.5), "1 pairs"),
+        (lambda: paired_t_power(10, math.nan), "d_z = nan"),
+        (lambda: standardised_difference([1e200, 2.0]), "larger unit"),
         (lambda: signed_rank_power(10, 0.5, alpha=5), "less than 1"),
         (lambda: effect_from_p(0.0, 10), "more than 0"),
         (lambda: power_statement(10, -1.0), "standard deviation of -1"),

@@ -195,7 +195,7 @@ def test_a_journal_gives_figures_and_a_second_look_gives_signals(tmp_path, monke
 
 def test_every_study_has_what_help_shows():
     every = studies(Study)
-    assert {"tuning", "grid", "passivity", "tune", "uncertainty", "torque-check"} <= set(every)
+    assert {"tuning", "grid", "chapter4", "all"} <= set(every)
     for name, study in every.items():
         assert study.name == name
         assert study.title

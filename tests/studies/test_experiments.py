@@ -14,8 +14,8 @@ from esea_gen.analysis.plots import CROSS
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import load_study
+from esea_gen.studies.responses import StepStudy
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
-from esea_gen.studies.step import StepStudy
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.judge import judge

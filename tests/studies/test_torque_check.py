@@ -13,9 +13,9 @@ import esea_gen
 from esea_gen.cli import main
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.check import TorqueCheck
-from esea_gen.studies.torque_check.load import KnownLoad
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
+    KnownLoad,
     largest_torque_Nm,
     load_range_Nm,
     procedure,
@@ -438,7 +438,7 @@ def test_the_command(tmp_path, command):
         (("--mass", 1), "--arm missing"),
         (("--recording", "x.csv"), "--mass and --arm missing"),
         ((*LOAD, "--recording", "none.csv"), "cannot be read"),
-        (("--resume", "none.json"), "cannot be read as JSON"),
+        (("--resume", "none.json"), "cannot be read"),
         (("--resume", "none.json", "--mass", 1), "already knows the load"),
     ],
 )

@@ -17,9 +17,7 @@ from esea_gen import cli
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
-from esea_gen.studies.tuning_sweep.choice import choose_error, choose_layer
-from esea_gen.studies.tuning_sweep.study import tune
-from esea_gen.studies.tuning_sweep.trial import Trial, extremes
+from esea_gen.studies.tuning_sweep import Trial, choose_error, choose_layer, extremes, tune
 from tests.conftest import require_tool
 
 EXTENDED = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
@@ -112,7 +110,7 @@ def half_run(value, **_) -> dict[str, float]:
 
 
 def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.run_trial", half_run)
     path, picture = tmp_path / "a.json", tmp_path / "a.png"
     lambdas = ["tune", "--parameter", "lambda_1_s", "--json", path, "--figure", picture, "--values"]
     code, shown, error = command(monkeypatch, capsys, *lambdas, "1,1.5,2,3")
@@ -332,7 +330,7 @@ def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_
     def full(path, text):
         raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
 
-    monkeypatch.setattr("esea_gen.studies.tuning_sweep.study.run_trial", half_run)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.run_trial", half_run)
     monkeypatch.setattr("esea_gen.files.write_whole", full)
     code, shown, error = command(
         *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),

@@ -389,18 +389,6 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 
-def test_the_washout_holds_for_real_people(tmp_path):
-    folder = str(tmp_path / "s")
-    words = [["create", str(EXAMPLE), folder], ["enrol", folder, "P01", "--consent"]]
-    run = ["run", folder, "P01", "--headless"]
-    for more in (*words, run):
-        assert CliRunner().invoke(app, ["study", *more]).exit_code == 0
-    done = CliRunner().invoke(app, ["study", *run, "--session", "2"])
-    assert "0 days since the last session, 7 are planned" in str(done.exception)
-    more = ["--session", "2", "--early", "leaves the country"]
-    assert CliRunner().invoke(app, ["study", *run, *more]).exit_code == 0
-
-
 def test_the_task_file_may_be_named_on_the_command_line(tmp_path):
     text = EXAMPLE.read_text().replace('tasks = ["steady_hold.py"]\n', "")
     (tmp_path / "p.toml").write_text(text)

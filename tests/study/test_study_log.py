@@ -157,9 +157,9 @@ def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, study, forgery,
     for out, write in (("rows", StudyFolder.export), ("bids", to_bids)):
         with pytest.warns(UserWarning, match=r"P01/session-1.* left out"):
             assert write(StudyFolder.open(study.path), tmp_path / out) == 12
-    forged(study.path / "audit.jsonl", "enrolled", participant=1)
-    assert any("enrolled has no participant" in p for p in study.problems())
-    with pytest.raises(UserError, match=r"audit\.jsonl: line 2: enrolled has no participant"):
+    forged(study.path / "audit.jsonl", "enrol", participant=1)
+    assert any("enrol has no participant" in p for p in study.problems())
+    with pytest.raises(UserError, match=r"audit\.jsonl: line 2: enrol has no participant"):
         study.participants()
 
 

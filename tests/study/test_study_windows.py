@@ -14,12 +14,14 @@ from typer.testing import CliRunner
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.study.conductor import HELD, PAUSED, Conductor
+from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol, parse_protocol
-from esea_host.study.scene import Text, said
+from esea_host.study.scene import Text
 from esea_host.study.session import replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, Situation, task_named
+from esea_host.windows.theme import BANNER_GROUND
 from tests.conducted import (
     EXAMPLE,
     TRACKING,
@@ -66,7 +68,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
     operator.refresh()
     assert conductor.error is None
-    assert "DONE" in operator.state.text()
+    assert "BEENDET" in operator.state.text()
     assert logged(shown) == logged(plain)
     assert [r["trial"] for r in shown.rows("P01")] == [r["trial"] for r in plain.rows("P01")]
     assert all(same for _, _, same in replay(shown.log_of("P01", 0)))
@@ -75,7 +77,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     trials = len(conductor.plan.trials)
     told = [d["trial"] for _, d in logged(shown, "display")]
     assert told == [*range(1, trials + 1), None]
-    assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"completed"}
+    assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"abgeschlossen"}
 
 
 def test_simulated_time_waits_for_the_clock(begin):
@@ -100,8 +102,8 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     elif how == "closed":
         operator.close()
     elif how == "escape":
-        operator.words.setFocus()
-        qtbot.keyClick(operator.words, Qt.Key.Key_Escape)
+        operator.written.setFocus()
+        qtbot.keyClick(operator.written, Qt.Key.Key_Escape)
     else:
         qtbot.keyClick(participant, Qt.Key.Key_Space)
     ended(conductor)
@@ -112,7 +114,7 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     assert frames[-1]["samples"][-1][0] == pytest.approx(0.5)  # not one step more
     operator.refresh()
     assert "STOPPED" in operator.state.text()
-    assert said(conductor.screen().scene.texts[0]) == "The session was stopped."
+    assert conductor.screen().scene.texts == (Text("stopped"),)
     assert operator.stop_button.isVisible() == (how != "closed")
 
 
@@ -146,7 +148,7 @@ def test_a_pause_holds_a_task_that_can_be_held_and_shows_the_score(begin, window
     conductor.go_on()
     keys = [t.key for t in conductor.screen().scene.texts]
     assert keys == ["follow", "error", "paused"]
-    qtbot.mouseClick(operator.buttons["Pause"], Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(operator.buttons["pause"], Qt.MouseButton.LeftButton)
     ended(conductor)
     names = [d["name"] for _, d in logged(conductor.study, "event")]
     assert names == ["paused", "resumed"]
@@ -179,17 +181,17 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows):
     conductor.arrive()
     operator.repeat()
     assert "without a reason" in conductor.said
-    operator.words.setText("a cough")
+    operator.written.setText("a cough")
     operator.repeat()  # the one that runs: nothing is marked
     for words, row, job in (("the strap", 0, operator.repeat), ("no time", 3, operator.skip)):
-        operator.words.setText(words)
+        operator.written.setText(words)
         operator.trials.selectRow(row)
         operator.refresh()
-        assert operator.buttons["Skip trial"].text() == f"Skip trial {row + 1}"
+        assert operator.buttons["skip_this_trial"].text() == f"Skip trial {row + 1}"
         job()
     operator.refresh()
-    assert operator.buttons["Skip trial"].text() == "Skip trial 2"  # the one that runs
-    operator.words.setText("again")
+    assert operator.buttons["skip_this_trial"].text() == "Skip trial 2"  # the one that runs
+    operator.written.setText("again")
     operator.trials.selectRow(4)
     operator.repeat_block()  # nothing of it was run
     assert "has been run yet" in conductor.said
@@ -209,11 +211,103 @@ def test_a_stop_in_a_rest_aborts_no_trial(begin):
     conductor = begin(of_tasks(f"rest_s = 600\n{TRACKING}"), speed=1.0)
     until(lambda: conductor.phase == "resting")
     assert 590 < conductor.rest_left_s <= 600
-    assert said(conductor.screen().scene.texts[0]).startswith("Rest, ")
+    assert conductor.screen().scene.texts[0].key == "rest"
     conductor.stop("the participant asked")
     ended(conductor)
     assert conductor.reason == "the participant asked"
     assert logged(conductor.study, "trial") == []
+
+
+def reported(operator, severity="mild", relation="possible", action="trial-stopped", text="cramp"):
+    """Fill in the part of the window for an adverse event, and record it."""
+    chosen = {"severity": severity, "relation": relation, "action": action}
+    for name, key in chosen.items():
+        box = operator.adverse.choices[name]
+        box.setCurrentIndex(box.findData(key))
+    operator.adverse.text.setText(text)
+    operator.adverse.record()
+    return chosen | {"text": text}
+
+
+def test_an_adverse_event_stops_the_trial_first_and_is_on_record(begin, windows, qtbot):
+    from PySide6.QtCore import Qt
+
+    conductor = begin(of_tasks(TRACKING), at=[(2, 0.5), (2, 0.5)])
+    _, operator = windows(conductor)
+    conductor.arrive()
+    panel, study = operator.adverse, conductor.study
+    qtbot.keyClick(operator, Qt.Key.Key_E)
+    assert panel.isVisible()
+    assert operator.stop_button.isVisible()
+    panel.record()
+    assert "choose severity" in panel.told.text()
+    operator.refresh()
+    qtbot.mouseClick(panel.stop_trial, Qt.MouseButton.LeftButton)
+    conductor.go.set()
+    until(lambda: conductor.phase == PAUSED)
+    assert (conductor.states[2], conductor.reasons[2]) == ("aborted", "adverse event")
+    given = reported(operator)
+    (event,) = [d for k, d in study.audited() if k == "adverse"]
+    assert event == {"participant": "P01", "session": 0, "trial": 2, **given}
+    operator.refresh()
+    assert (panel.isVisible(), panel.text.text()) == (False, "")
+    assert operator.said.text() == "The adverse event is recorded."
+    operator.pause()
+    conductor.arrive()  # the same trial, again
+    ended(conductor)
+    assert [r["trial"] for r in study.rows("P01")] == [1, 2, 3]
+    kinds = [k for k, _ in logged(study, "adverse", "trial_end")]
+    assert kinds == ["trial_end", "trial_end", "adverse", "trial_end", "trial_end"]
+    operator.refresh()
+    assert operator.buttons["open"].isEnabled()  # after the end, too
+    reported(operator, severity="severe")
+    assert [d["severity"] for k, d in study.audited() if k == "adverse"] == ["mild", "severe"]
+    assert study.problems() == []
+
+
+def test_an_adverse_event_that_cannot_be_written_stays_in_its_fields(begin, windows, monkeypatch):
+    conductor = begin(of_tasks(TRACKING), at=[(1, 0.5)])
+    _, operator = windows(conductor, language="de")
+    conductor.arrive()
+    operator.adverse.open()
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(conductor.study, "record", full)
+    reported(operator, text="Krampf")
+    assert "NICHT eingetragen" in operator.adverse.told.text()
+    assert "No space left" in operator.adverse.told.text()
+    assert operator.adverse.text.text() == "Krampf"
+    monkeypatch.undo()
+    operator.adverse.record()
+    assert [d["text"] for k, d in conductor.study.audited() if k == "adverse"] == ["Krampf"]
+    ended(conductor)
+
+
+@pytest.mark.parametrize(
+    ("real", "rehearsed", "mark"),
+    [(False, False, "SIMULIERT"), (True, True, "PROBELAUF, SIMULIERT"), (True, False, "")],
+)
+def test_both_windows_say_what_is_simulated_or_a_rehearsal(
+    tmp_path, windows, real, rehearsed, mark
+):
+    study = StudyFolder.create(tmp_path / "s", of_tasks(TRACKING), not real, by="Weber")
+    study.enrol("P01", consent=True, form="1")
+    source = SimulatedSource(3)
+    if real and not rehearsed:
+        source.simulated = False
+    log = study.new_rehearsal(0) if rehearsed else None
+    conductor = Conductor(study, "P01", 0, source, math.inf, rehearsal=log)
+    participant, operator = windows(conductor, language="de")
+    assert operator.windowTitle().startswith(f"{mark} - P01" if mark else "P01")
+    assert (operator.banner.text(), operator.banner.isVisible()) == (mark, bool(mark))
+    painted = participant.grab().toImage()
+    strip = [painted.pixelColor(x, painted.height() - 16) for x in range(painted.width())]
+    assert (BANNER_GROUND in {c.name() for c in strip}) == bool(mark)
+    conductor.start()
+    conductor.join(20)
+    assert conductor.error is None
 
 
 def test_the_group_is_not_shown_where_the_protocol_says_so(begin, windows):
@@ -272,7 +366,7 @@ def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monk
     (row,) = [r for r in conductor.study.rows("P01") if r["task"] == "wrist.velocity"]
     assert advice in row["complaints"][0]
     monkeypatch.undo()
-    operator.words.setText("too short")
+    operator.written.setText("too short")
     operator.trials.selectRow(3)
     operator.repeat_block()
     operator.pause()

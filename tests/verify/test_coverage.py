@@ -14,10 +14,8 @@ from esea_gen.language.ports import Port
 from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import (
-    coefficients_of,
     exact_trajectory,
     float32_trajectory,
-    initial_state,
     setup_difference,
     step_arguments,
 )
@@ -120,11 +118,9 @@ def test_the_c_gives_every_bit(elbow, elbow_f64, elbow_f32, real, name):
 @pytest.mark.parametrize("name", BLOCKS)
 def test_fusing_selects_changes_no_value(elbow, elbow_f32, name):
     block, fmt = block_of(elbow, name), FORMATS["f32"]
-    coefficients = coefficients_of(block, fmt, {})
-    initial = initial_state(block, fmt, coefficients)
     for stream in shipped(elbow, block):
         y, s = run_c(elbow_f32.block(name), stream)
-        arguments = step_arguments(block, stream, s, initial, coefficients, fmt)
+        arguments = step_arguments(block, stream, s, fmt)
         plain = float32_trajectory(walk(block.step), block, stream, arguments)
         for expected, got in ((plain.outputs, y), (plain.states, s)):
             for key, value in expected.items():

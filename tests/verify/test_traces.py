@@ -43,9 +43,10 @@ def changed_elbow(pattern: str, value: str) -> Device:
     return parse_device(text, "elbow.toml")
 
 
-# Its steps are interpreted, one by one; CI runs it with the slow sample.
+# Steps of a Program are interpreted, one by one: CI runs it with the slow sample.
+DEAR = {"elbow_mpc": pytest.mark.slow, "wrist_drive": pytest.mark.ci}
 DEVICES = [
-    pytest.param(name, marks=pytest.mark.slow) if name == "elbow_mpc" else name
+    pytest.param(name, marks=DEAR[name]) if name in DEAR else name
     for name in sorted(shipped_devices())
 ]
 

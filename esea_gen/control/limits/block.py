@@ -13,13 +13,11 @@ is checked against its compiled range at every step.
 
 from __future__ import annotations
 
-from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-import sympy as sp
 
 from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_status
 from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
@@ -32,13 +30,11 @@ from esea_gen.control.limits.safety import (
 )
 from esea_gen.control.limits.streams import STREAMS
 from esea_gen.control.reference import IMPEDANCE, OFF
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
-from esea_gen.model.symbolic import equation
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
+from esea_gen.model.symbolic import equations
 
 BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anything was delivered
 FADE, BRAKE = 0.8, 0.9  # shares of the largest speed: pushing on fades from the first to the second
@@ -85,158 +81,147 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
 
 def limits(device: DeviceData) -> Block:
     """The limits before the motor, with the fault latch; tunables only narrow ``[safety]``."""
-    n = LimitNumbers(device)
-    tunables = _tunables(n)
-    coefficients = _coefficients(n, tunables)
-    return Block.define(
-        "limits",
-        "Limits before the motor, with the fault latch",
-        period_s=n.h,
-        constants=_constants(n, device),
-        tunables=tunables,
-        coefficients=coefficients,
-        prepare=partial(_prepare, n),
-        state=_state(n),
-        inputs=_inputs(n),
-        outputs=_outputs(n),
-        equations=_equations(),
-        step=partial(limit_step, n, coefficients),
-        streams=STREAMS,
-        starts_latched=True,
-    )
+    return Block.of(_Limits(device))
 
 
-def _tunables(n: LimitNumbers) -> tuple[Tunable, ...]:
-    def narrowed(name: str, most: float, least_share: float, meaning: str) -> Tunable:
-        q = getattr(n.safety, "energy_J" if name == "energy_max_J" else name)
-        return Tunable(name, most, least_share * most, most, meaning, q.source, q.status, "low")
+class _Limits:
+    name = "limits"
+    title = "Limits before the motor, with the fault latch"
+    streams = STREAMS
+    starts_latched = True
 
-    def end(name: str, most: float, meaning: str, narrower: Literal["low", "high"]) -> Tunable:
-        q = getattr(n.safety, name)
-        return Tunable(name, most, n.rom_min, n.rom_max, meaning, q.source, q.status, narrower)
+    def __init__(self, device: DeviceData) -> None:
+        n = self.n = LimitNumbers(device)
+        self.h = n.h
+        self.equations = equations(EQUATIONS)
 
-    softer, beyond = "of the command: lower is softer", "which nothing pushes further"
-    return (
-        narrowed("u_max_Nm", n.u_max, 0.01, "largest |motor command|: lower is weaker"),
-        narrowed("u_rate_Nm_s", n.u_rate, n.least_rate_share, f"fastest change {softer}"),
-        narrowed("tau_max_Nm", n.tau_max, 0.05, "interaction torque that trips"),
-        narrowed("theta_max_rad", n.theta_max, 0.05, "deflection that trips"),
-        end("rom_min_rad", n.rom_min, f"joint angle below {beyond}: up narrows", "high"),
-        end("rom_max_rad", n.rom_max, f"joint angle above {beyond}: down narrows", "low"),
-        narrowed("omega_max_rad_s", n.omega_max, 0.05, "joint or drive speed that trips"),
-        narrowed("energy_max_J", n.energy_max, 0.01, "energy within the window that trips"),
-    )
+        def derived(name: str, value: float, source: str) -> Constant:
+            return Constant(name, value, source, "derived")
+
+        self.constants = (
+            *device.constants("safety"),
+            derived("stale_ticks", n.stale_ticks, f"{STALE_PERIODS} control periods"),
+            derived("slot_ticks", float(n.slot_ticks), f"1/{SLOTS} of energy_window_s, rounded up"),
+            derived("fade", FADE, "share of the largest speed where pushing on begins to fade"),
+            derived(
+                "brake", BRAKE, "share of the largest speed above which only braking is let by"
+            ),
+        )
+        self._gains(n)
+        self._ports(n)
+
+    def _gains(self, n: LimitNumbers) -> None:
+        def narrowed(name: str, most: float, least_share: float, meaning: str) -> Tunable:
+            q = getattr(n.safety, "energy_J" if name == "energy_max_J" else name)
+            return Tunable(name, most, least_share * most, most, meaning, q.source, q.status, "low")
+
+        def end(name: str, most: float, meaning: str, narrower: Literal["low", "high"]) -> Tunable:
+            q = getattr(n.safety, name)
+            return Tunable(name, most, n.rom_min, n.rom_max, meaning, q.source, q.status, narrower)
+
+        softer, beyond = "of the command: lower is softer", "which nothing pushes further"
+        self.tunables = (
+            narrowed("u_max_Nm", n.u_max, 0.01, "largest |motor command|: lower is weaker"),
+            narrowed("u_rate_Nm_s", n.u_rate, n.least_rate_share, f"fastest change {softer}"),
+            narrowed("tau_max_Nm", n.tau_max, 0.05, "interaction torque that trips"),
+            narrowed("theta_max_rad", n.theta_max, 0.05, "deflection that trips"),
+            end("rom_min_rad", n.rom_min, f"joint angle below {beyond}: up narrows", "high"),
+            end("rom_max_rad", n.rom_max, f"joint angle above {beyond}: down narrows", "low"),
+            narrowed("omega_max_rad_s", n.omega_max, 0.05, "joint or drive speed that trips"),
+            narrowed("energy_max_J", n.energy_max, 0.01, "energy within the window that trips"),
+        )
+
+        # What prepare computes is rounded differently in each format: a little room here, and after
+        # the check (a clip before it would let NaN through) a clip at the compiled ends.
+        room, least, most = 1e-5, 0.0099, 1.01
+        slowest, fade = 0.05 * n.omega_max, BRAKE - FADE
+        rom, speed = n.u_max / n.margin, n.u_max / (fade * n.omega_max)
+        steep = most * n.u_max / (fade * slowest)
+        only_brakes = 0.99 * BRAKE * slowest, most * BRAKE * n.omega_max
+        self.coefficients = (
+            *(t.port for t in self.tunables if t.name != "u_rate_Nm_s"),
+            Port("u_step_Nm", least * n.step_max, most * n.step_max, "largest change in a period"),
+            Port("trip_low_rad", n.trip_low - room, n.rom_max, "joint angle below which it trips"),
+            Port(
+                "trip_high_rad", n.rom_min, n.trip_high + room, "joint angle above which it trips"
+            ),
+            Port("rom_gain_Nm_rad", least * rom, most * rom, "slope of the fade"),
+            Port("brake_rad_s", *only_brakes, "only braking above"),
+            Port(
+                "speed_gain_Nms_rad", least * speed, steep, "slope of the fade towards high speed"
+            ),
+        )
+
+    def _ports(self, n: LimitNumbers) -> None:
+        last_code = float(max(Fault))
+        self.state = (
+            Port("key", 0.0, RELEASED_KEY, "0 latched, one odd number released, else corrupt"),
+            Port("fault_stored", 0, last_code, "reason of the latch, 0 released", init=1.0),
+            Port("fault_mirror", -last_code, 0, "the same, negated", init=-1.0),
+            Port("rearm_last", UNKNOWN, REARMS[-1], "last rearm; -1 unknown", init=UNKNOWN),
+            Port("rearm_mirror", -REARMS[-1], -UNKNOWN, "the same, negated", init=-UNKNOWN),
+            around("u_last_Nm", n.u_max, "last motor command"),
+            around("u_mirror_Nm", n.u_max, "the same, negated"),
+            Port("beat_last", 0, BEATS, "last stamp seen"),
+            Port("age", 0, n.stale_ticks, "periods since it changed", init=n.stale_ticks),
+            Port("ticks", 0, n.slot_ticks, "periods in the present slot"),
+            Port("slot_J", 0.0, n.slot_lim, "energy given in the present slot"),
+            Port(
+                "slots_J", 0.0, n.slot_lim, "energy given in the slots before, newest first", SLOTS
+            ),
+        )
+        delivered = "stamp of that command; 0 none delivered"
+        counted = "whole number, one more for each request; 0 follows 7"
+        motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
+        self.inputs = (
+            around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
+            Port("control_beat", 0, BEATS, delivered, on_invalid="beat_last"),
+            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
+            Port("stop", 0, 1, "0 no, anything else stops", on_invalid=1.0),
+            Port("rearm", 0, REARMS[-1], counted, on_invalid="rearm_last"),
+            Port("request_ok", 0, 1, "1 while what is wanted is sound"),
+            Port("sensing_ok", 0, 1, "1 while the measurements are good"),
+            around("theta_rad", n.theta_lim, "deflection of the coupling"),
+            Port("theta_motor_rad", motor_low, motor_high, "motor side's joint angle"),
+            around("omega_motor_rad_s", n.omega_motor_lim, "motor side's speed"),
+            Port("theta_load_rad", n.load_low, n.load_high, "load side's joint angle"),
+            around("omega_load_rad_s", n.omega_load_lim, "load side's speed"),
+            around("tau_Nm", n.tau_lim, "interaction torque, + on the load"),
+            CLOCK_OK,
+            LATE_LEVEL,
+            COEFFS_OK,
+        )
+        most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
+        reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
+        self.outputs = (
+            around("u_Nm", n.u_max, "motor torque, at the motor shaft"),
+            around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
+            around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
+            Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
+            Port("fault", 0, float(max(Fault)), reason, codes=FAULT_CODES),
+            limit_status(n.energy_max),
+        )
+
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
+        direct = {k: v for k, v in vars(t).items() if k != "u_rate_Nm_s"}
+        return direct | {
+            "u_step_Nm": t.u_rate_Nm_s * self.n.h,
+            "trip_low_rad": t.rom_min_rad - self.n.margin,
+            "trip_high_rad": t.rom_max_rad + self.n.margin,
+            "rom_gain_Nm_rad": t.u_max_Nm / self.n.margin,
+            "brake_rad_s": BRAKE * t.omega_max_rad_s,
+            "speed_gain_Nms_rad": t.u_max_Nm / ((BRAKE - FADE) * t.omega_max_rad_s),
+        }
+
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        return limit_step(self.n, self.coefficients, c, s, u, guard, label)
 
 
-def _coefficients(n: LimitNumbers, tunables: tuple[Tunable, ...]) -> tuple[Port, ...]:
-    # What prepare computes is rounded differently in each format: a little room here, and after
-    # the check (a clip before it would let NaN through) a clip at the compiled ends.
-    room, least, most = 1e-5, 0.0099, 1.01
-    slowest, fade = 0.05 * n.omega_max, BRAKE - FADE
-    rom, speed = n.u_max / n.margin, n.u_max / (fade * n.omega_max)
-    steep = most * n.u_max / (fade * slowest)
-    only_brakes = 0.99 * BRAKE * slowest, most * BRAKE * n.omega_max
-    return (
-        *(Port(t.name, t.low, t.high, t.meaning) for t in tunables if t.name != "u_rate_Nm_s"),
-        Port("u_step_Nm", least * n.step_max, most * n.step_max, "largest change in a period"),
-        Port("trip_low_rad", n.trip_low - room, n.rom_max, "joint angle below which it trips"),
-        Port("trip_high_rad", n.rom_min, n.trip_high + room, "joint angle above which it trips"),
-        Port("rom_gain_Nm_rad", least * rom, most * rom, "slope of the fade"),
-        Port("brake_rad_s", *only_brakes, "only braking above"),
-        Port("speed_gain_Nms_rad", least * speed, steep, "slope of the fade towards high speed"),
-    )
-
-
-def _prepare(n: LimitNumbers, t: SimpleNamespace) -> dict[str, Any]:
-    direct = {k: v for k, v in vars(t).items() if k != "u_rate_Nm_s"}
-    return direct | {
-        "u_step_Nm": t.u_rate_Nm_s * n.h,
-        "trip_low_rad": t.rom_min_rad - n.margin,
-        "trip_high_rad": t.rom_max_rad + n.margin,
-        "rom_gain_Nm_rad": t.u_max_Nm / n.margin,
-        "brake_rad_s": BRAKE * t.omega_max_rad_s,
-        "speed_gain_Nms_rad": t.u_max_Nm / ((BRAKE - FADE) * t.omega_max_rad_s),
-    }
-
-
-def _constants(n: LimitNumbers, device: DeviceData) -> tuple[Constant, ...]:
-    def derived(name: str, value: float, source: str) -> Constant:
-        return Constant(name, value, source, "derived")
-
-    return (
-        *device.constants("safety"),
-        derived("stale_ticks", n.stale_ticks, f"{STALE_PERIODS} control periods"),
-        derived("slot_ticks", float(n.slot_ticks), f"1/{SLOTS} of energy_window_s, rounded up"),
-        derived("fade", FADE, "share of the largest speed where pushing on begins to fade"),
-        derived("brake", BRAKE, "share of the largest speed above which only braking is let by"),
-    )
-
-
-def _state(n: LimitNumbers) -> tuple[Port, ...]:
-    last_code = float(max(Fault))
-    return (
-        Port("key", 0.0, RELEASED_KEY, "0 latched, one odd number released, else corrupt"),
-        Port("fault_stored", 0, last_code, "reason of the latch, 0 released", init=1.0),
-        Port("fault_mirror", -last_code, 0, "the same, negated", init=-1.0),
-        Port("rearm_last", UNKNOWN, REARMS[-1], "last rearm; -1 unknown", init=UNKNOWN),
-        Port("rearm_mirror", -REARMS[-1], -UNKNOWN, "the same, negated", init=-UNKNOWN),
-        around("u_last_Nm", n.u_max, "last motor command"),
-        around("u_mirror_Nm", n.u_max, "the same, negated"),
-        Port("beat_last", 0, BEATS, "last stamp seen"),
-        Port("age", 0, n.stale_ticks, "periods since it changed", init=n.stale_ticks),
-        Port("ticks", 0, n.slot_ticks, "periods in the present slot"),
-        Port("slot_J", 0.0, n.slot_lim, "energy given in the present slot"),
-        Port("slots_J", 0.0, n.slot_lim, "energy given in the slots before, newest first", SLOTS),
-    )
-
-
-def _inputs(n: LimitNumbers) -> tuple[Port, ...]:
-    delivered = "stamp of that command; 0 none delivered"
-    counted = "whole number, one more for each request; 0 follows 7"
-    motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
-    return (
-        around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
-        Port("control_beat", 0, BEATS, delivered, on_invalid="beat_last"),
-        Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
-        Port("stop", 0, 1, "0 no, anything else stops", on_invalid=1.0),
-        Port("rearm", 0, REARMS[-1], counted, on_invalid="rearm_last"),
-        Port("request_ok", 0, 1, "1 while what is wanted is sound"),
-        Port("sensing_ok", 0, 1, "1 while the measurements are good"),
-        around("theta_rad", n.theta_lim, "deflection of the coupling"),
-        Port("theta_motor_rad", motor_low, motor_high, "motor side's joint angle"),
-        around("omega_motor_rad_s", n.omega_motor_lim, "motor side's speed"),
-        Port("theta_load_rad", n.load_low, n.load_high, "load side's joint angle"),
-        around("omega_load_rad_s", n.omega_load_lim, "load side's speed"),
-        around("tau_Nm", n.tau_lim, "interaction torque, + on the load"),
-        CLOCK_OK,
-        LATE_LEVEL,
-        COEFFS_OK,
-    )
-
-
-def _outputs(n: LimitNumbers) -> tuple[Port, ...]:
-    most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
-    reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
-    return (
-        around("u_Nm", n.u_max, "motor torque, at the motor shaft"),
-        around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
-        around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
-        Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
-        Port("fault", 0, float(max(Fault)), reason, codes=FAULT_CODES),
-        limit_status(n.energy_max),
-    )
-
-
-def _equations() -> tuple[Any, ...]:
-    u, b, a, m, w, v, th = sp.symbols("U b a m W omega theta_l")
-    h, tau, omega_l = sp.symbols("h tau omega_l")
-    speed = u * (sp.Rational(9, 10) * w - v) / (w / 10)
-    up = sp.Min(u, sp.Max(0, u * (b - th) / m), sp.Max(0, speed))
-    down = sp.Min(u, sp.Max(0, u * (th - a) / m), sp.Max(0, speed.subs(v, -v)))
-    given = sp.Function("sum")(h * sp.Max(0, tau * omega_l))
-    window = "energy given to the limb, over the present slot and the ten before it"
-    return (
-        equation("[lim 1]", "u_+", up, "largest push towards larger angles"),
-        equation("[lim 2]", "u_-", down, "largest push towards smaller angles"),
-        equation("[lim 3]", "E", given, window),
-    )
+EQUATIONS = """
+    [lim 1] | u_+ | Min(U, Max(0, U * (b - theta_l) / m), Max(0, U * (9/10 * W - omega) / (W/10))) \
+        | largest push towards larger angles
+    [lim 2] | u_- | Min(U, Max(0, U * (theta_l - a) / m), Max(0, U * (9/10 * W + omega) / (W/10))) \
+        | largest push towards smaller angles
+    [lim 3] | E | sum(h * Max(0, tau * omega_l)) | \
+        energy given to the limb, over the present slot and the ten before it
+"""

@@ -6,44 +6,28 @@ coupling shows with what the motor must be giving, which finds a wrong load-side
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
-from esea_gen.errors import UserError
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
-from esea_gen.model.symbolic import equation
+from esea_gen.model.sections import section_of
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 
 # A zero between the angles is set in the first run that finds both encoders usable: angles that
 # part stay parted until one encoder has failed and come back, or init.  Torques may agree again.
 def redundancy(device: DeviceData) -> Block:
     """Whether encoders and motor torque agree."""
-    law = _Redundancy(device)
-    return Block.of(
-        law,
-        "redundancy",
-        "Whether encoders and motor torque contradict one another",
-        constants=(*device.constants("redundancy"), *law.inertia()),
-        state=(
-            around("zero_rad", law.angle_lim, "drive's angle less the motor side's, at rest"),
-            Port("zeroed", 0.0, 1.0, "1 once that is set"),
-        ),
-        equations=_equations(),
-    )
+    return Block.of(_Redundancy(device))
 
 
 class _Redundancy:
     def __init__(self, device: DeviceData) -> None:
-        found = device.file.redundancy
-        if found is None:
-            raise UserError(f"{device.origin}: section [redundancy] is missing.", "Add it.")
+        found = section_of(device, "redundancy")
         self.device, self.drive, self.own = device, drive_of(device), found
         self.h = self.drive.control_period_s
         self.J = self.drive.actuator.J_kgm2.value
@@ -59,6 +43,44 @@ class _Redundancy:
             found.torque_Nm.value
             + found.torque_share.value * self.drive.tau_Nm
             + found.inertia_share.value * self.J * 4 * self.drive.d4_rad_s2
+        )
+        self.name = "redundancy"
+        self.title = "Whether encoders and motor torque contradict one another"
+        self.constants = (*device.constants("redundancy"), *self.inertia())
+        self.state = (
+            around("zero_rad", self.angle_lim, "drive's angle less the motor side's, at rest"),
+            Port("zeroed", 0.0, 1.0, "1 once that is set"),
+        )
+        self.equations = equations(EQUATIONS)
+        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
+        self.inputs = (
+            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
+            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
+            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
+        )
+        self.outputs = (
+            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
+            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
+            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
+            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
+            status_port(
+                "what is known of this sample",
+                "an input was NaN or outside its range",
+                "the state was corrupt, the zero is lost: the limits latch",
+                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                Flag(
+                    "ANGLES_PART",
+                    "the motor's encoder and the motor-side one contradict each other",
+                ),
+                Flag(
+                    "TORQUES_PART",
+                    "the drive moves otherwise than motor and coupling would move it",
+                ),
+            ),
         )
 
     def inertia(self) -> tuple[Any, ...]:
@@ -103,57 +125,10 @@ class _Redundancy:
         }
         return next_state, outputs
 
-    def inputs(self) -> tuple[Port, ...]:
-        low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
-        return (
-            Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
-            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
-            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
-            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
-            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
-        )
 
-    def outputs(self) -> tuple[Port, ...]:
-        return (
-            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
-            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
-            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
-            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
-            status_port(
-                "what is known of this sample",
-                "an input was NaN or outside its range",
-                "the state was corrupt, the zero is lost: the limits latch",
-                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
-                Flag(
-                    "ANGLES_PART",
-                    "the motor's encoder and the motor-side one contradict each other",
-                ),
-                Flag(
-                    "TORQUES_PART",
-                    "the drive moves otherwise than motor and coupling would move it",
-                ),
-            ),
-        )
-
-
-def _equations() -> tuple[Any, ...]:
-    g, m, tau, zero = sp.symbols("theta_g theta_m tau_e theta_0")
-    k, least, room, share = sp.symbols("k_c k_min theta_a c_tau")
-    return (
-        equation("[red 1]", "a_theta", g - m - tau / k - zero, "how far the two angles are apart"),
-        equation(
-            "[red 2]",
-            sp.Abs(sp.Symbol("a_theta")),
-            room + (1 / least - 1 / k) * sp.Abs(tau),
-            "room",
-        ),
-        equation("[red 3]", "a_tau", sp.Symbol("J") * sp.Symbol("d_g"), "torque left unexplained"),
-        equation(
-            "[red 4]",
-            sp.Abs(sp.Symbol("a_tau")),
-            sp.Symbol("tau_a") + share * sp.Abs(tau) + sp.Symbol("c_J") * sp.Symbol("J a_g"),
-            "its room",
-        ),
-    )
+EQUATIONS = """
+    [red 1] | a_theta | theta_g - theta_m - tau_e / k_c - theta_0 | how far the two angles are apart
+    [red 2] | Abs(a_theta) | theta_a + (1 / k_min - 1 / k_c) * Abs(tau_e) | room
+    [red 3] | a_tau | J * d_g | torque left unexplained
+    [red 4] | Abs(a_tau) | tau_a + c_tau * Abs(tau_e) + c_J * J * a_g | its room
+"""

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from functools import reduce
-from typing import TYPE_CHECKING
 
+from esea_gen.devices.fields import Actuator, Joint, Safety
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import f32_inside, threshold
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import Actuator, Joint, Safety
-    from esea_gen.devices.file import DeviceData
 
 SLOTS = 10  # parts of the energy window
 STALE_PERIODS = 5  # control periods without a new stamp that count as a fault

@@ -5,24 +5,27 @@ from __future__ import annotations
 from functools import reduce
 from itertools import accumulate, pairwise
 from operator import mul
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Equation, Flag, Port, around, clip, flag_word, threshold
-from esea_gen.model.symbolic import equation
+from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # A stiffness below this pulls by less than a thousandth of a Nm whatever the angle.
 LEAST_KP = 1e-4
+
+
+EQUATION = """
+    [blend] | tau_ahead | tau_d + o * exp(-t / T_b) | \
+        wanted torque with the offset of a change of mode, as it will have faded
+"""
 
 
 # An offset starts a law from the measured torque; along the horizon it fades as it will.  In one
@@ -37,15 +40,8 @@ def ahead(
     torque_given: bool | None = None,
 ) -> Block:
     """Wanted torque, and the impedance law's path and gains, at the end of every interval."""
-    law = _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
-    inputs, outputs = law.ports()
     return Block.of(
-        law,
-        "ahead",
-        "What is wanted along the horizon",
-        state=(),
-        inputs=inputs,
-        outputs=outputs,
+        _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     )
 
 
@@ -75,6 +71,11 @@ class _Ahead:
         # A future that is extrapolated is that of an adapted wish already.
         self.adapted = adapted_inputs(device) if given else ()
         self.ticks = [round(t / device.period_s) for t in horizon.ends_s]
+        self.name = "ahead"
+        self.title = "What is wanted along the horizon"
+        self.state: tuple[Port, ...] = ()
+        self.inputs, self.outputs = self._ports()
+        self.equations = equations(EQUATION)
 
     def fades(self, keep: Any) -> list[Any]:
         squares = [keep]
@@ -91,7 +92,7 @@ class _Ahead:
     def along(self, x: Any, given: bool) -> list[Any]:
         return ca.vertsplit(x) if given else [x] * self.n
 
-    def ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+    def _ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         full = self.full_scale
         inputs = [
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
@@ -195,9 +196,3 @@ class _Ahead:
             "status": flag_word([ca.logic_not(guard.inputs_ok)]),
         }
         return {}, outputs
-
-    def equations(self) -> tuple[Equation, ...]:
-        tau_d, o, t, blend = sp.symbols("tau_d o t T_b")
-        faded = tau_d + o * sp.exp(-t / blend)
-        text = "wanted torque with the offset of a change of mode, as it will have faded"
-        return (equation("[blend]", "tau_ahead", faded, text),)

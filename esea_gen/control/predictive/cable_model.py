@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
 from esea_gen.control.predictive.horizon import Tape
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.ports import Constant, Port, around, threshold
 from esea_gen.observe import drive_of
 from esea_gen.observe.cable import cable_of, give_most_rad_Nm, wound_range_rad
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # Inside its gap the model's cable keeps this share of its stiffness: with none, the prediction
 # would not see from inside that a command leads to any torque, and would give none for ever.

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.control.predictive.cable_model import CableModel
 from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import predictive_program
 from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.ports import Constant, Port, Tunable, around, clip
+from esea_gen.language.ports import Port, Tunable, around, clip
 from esea_gen.language.program import Program
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 Q_BEST, R_BEST = 500.0, 1.0
 # R counts as this share of Q at least.
@@ -37,55 +34,46 @@ Person = Literal["extended_state", "parabola"]
 DriveTrain = Literal["rigid", "cable"]
 
 
+EQUATIONS = """
+    (5.1) | u_a' | (u_c - u_a) / tau_c | lag of the motor
+    (5.2) | omega_m' | (n * u_a - f_v * omega_m - f_c * tanh(omega_m / omega_w) - tau_e) / J \
+        + d_4 | motor side
+    (5.3) | omega_l' | (tau_e + tau_h) / J_h | load side
+"""
+COST = "\n[cost] | c_k | Q * e**2 + R * ((u_c - u_a) / tau_c)**2 | summed over k"
+TORQUE_COST = "[error] | e | tau_e - tau_d | what the cost weighs" + COST
+IMPEDANCE_COST = (
+    """(5.24) | e | tau_e - tau_d + K_p * (theta_l - theta_d) \
+    + K_d * (omega_l - omega_d) | what the cost weighs"""
+    + COST
+)
+
+
 # A substep: the motor's lag exactly (5.1); half a kick by motor, coupling and person; friction by a
 # linearly implicit midpoint step; drift; the coupling at the new deflection; half a kick with the
 # new torque.  The sign of Kp and Kd is that of a stiffness; (5.24) prints the other one.
-def drive_model(
-    device: DeviceData,
-    horizon: Horizon,
-    *,
-    preview: bool = False,
-    impedance: bool = False,
-    person: Person = "extended_state",
-    weights: tuple[float, float] = (Q_BEST, R_BEST),
-    train: DriveTrain = "rigid",
-) -> Model:
-    """Plant (5.1 to 5.3), elastomer and cost of a device."""
-    plant = _Drive(device, impedance, person, train)
-    tunables, coefficients = _weights(weights, plant.rubber.temperature)
-    gains = tuple(GAINS) if impedance else ()
-    gap = ("gap_rad", "give_rad_Nm") if plant.cable else ()
-    wanted, references = plant.wanted(horizon, preview)
-    return Model(
-        states=plant.states(),
-        start=plant.start,
-        substep=plant.substep,
-        error=plant.error,
-        effort=plant.effort,
-        inputs=(*plant.measured(), *wanted),
-        in_force="u_in_force_Nm",
-        enable="mode",
-        u_max=plant.u_max,
-        references=references,
-        forecasts={"tau_h": plant.human},
-        shape=plant.reach,
-        parameters=("d4_rad_s2", *(c.name for c in coefficients), *gains, *gap),
-        **plant.rubber.stop_operators,
-        constants=plant.constants(),
-        tunables=tunables,
-        coefficients=coefficients,
-        prepare=plant.prepare,
-        equations=_equations(impedance, train),
-    )
+def drive_model(device: DeviceData, horizon: Horizon, **choice: Any) -> Model:
+    """Plant (5.1 to 5.3), elastomer and cost of a device, as :class:`DriveChoice` says."""
+    plant = _Drive(device, horizon, DriveChoice(**choice))
+    own = {f.name: getattr(plant, f.name) for f in fields(Model) if hasattr(plant, f.name)}
+    return Model(**own, **plant.rubber.stop_operators)
+
+
+@dataclass(frozen=True)
+class DriveChoice:
+    preview: bool = False  # what is wanted is known for every interval
+    impedance: bool = False
+    person: Person = "extended_state"
+    weights: tuple[float, float] = (Q_BEST, R_BEST)
+    train: DriveTrain = "rigid"
 
 
 class _Drive:
-    def __init__(
-        self, device: DeviceData, impedance: bool, person: Person, train: DriveTrain
-    ) -> None:
-        self.device, drive = device, drive_of(device)
-        self.drive = drive
-        self.impedance, self.published = impedance, person == "parabola"
+    in_force, enable = "u_in_force_Nm", "mode"
+
+    def __init__(self, device: DeviceData, horizon: Horizon, choice: DriveChoice) -> None:
+        drive = self.drive = drive_of(device)
+        self.impedance, self.published = choice.impedance, choice.person == "parabola"
         a = drive.actuator
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
@@ -93,7 +81,7 @@ class _Drive:
         self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
         self.rubber = rubber_ahead(device)
         self.cable: CableModel | None = None
-        if train == "cable":
+        if choice.train == "cable":
             if self.published:
                 raise UserError(
                     f'{device.origin}: predictive.drive = "cable" takes the rate of the motor\'s '
@@ -101,19 +89,79 @@ class _Drive:
                     'Write person = "extended_state" or drive = "rigid".',
                 )
             self.cable = CableModel(device, self.rubber.soft_Nm_rad)
-
-    def constants(self) -> tuple[Constant, ...]:
-        return (
-            *(c for section in ("actuator", "joint") for c in self.device.constants(section)),
+        self.constants = (
+            *(c for section in ("actuator", "joint") for c in device.constants(section)),
             *self.rubber.constants(),
-            *(self.cable.constants(self.device) if self.cable else ()),
+            *(self.cable.constants(device) if self.cable else ()),
             *self.rubber.choices,
         )
-
-    def states(self) -> tuple[str, ...]:
         angle, turned = ("theta_l",) * self.impedance, ("turned",) * (self.cable is not None)
         moving = ("omega_m", "omega_l", "u_a")
-        return (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
+        self.states = (*angle, "delta", *turned, *moving, *self.rubber.states, "tau_e")
+        self.forecasts = {"tau_h": self.human}
+        cost = IMPEDANCE_COST if self.impedance else TORQUE_COST
+        self.equations = equations(EQUATIONS + cost)
+        self._weights(choice.weights)
+        self._inputs(horizon.intervals if choice.preview else 1, choice.preview)
+
+    def _weights(self, weights: tuple[float, float]) -> None:
+        warm = self.rubber.temperature
+        rated = "weight of the motor torque's rate; less than Q/10000 counts as that"
+        self.tunables = (
+            Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
+            Tunable("R", weights[1], 1e-4, 1e4, rated, "thesis: 1"),
+            Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
+            *warm.get("tunables", ()),
+        )
+        self.coefficients = (
+            Port("root_q", 0.0, 1e3, "root of Q"),
+            Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
+            Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
+            *warm.get("coefficients", ()),
+        )
+        gains = tuple(GAINS) if self.impedance else ()
+        gap = ("gap_rad", "give_rad_Nm") if self.cable else ()
+        own = (c.name for c in self.coefficients)
+        self.parameters = ("d4_rad_s2", *own, *gains, *gap)
+
+    def _inputs(self, many: int, preview: bool) -> None:
+        """What is measured, and what is wanted with the references read from it."""
+        drive, u_max = self.drive, self.u_max
+        low, high, fast = drive.theta_low_rad, drive.theta_high_rad, drive.omega_rad_s
+        angle = Port("theta_l_rad", low, high, "load side's angle")
+        rate = around("omega_rad_s", drive.rate_rad_s, "deflection's rate")
+        if self.published:
+            rate = around("omega_m_rad_s", fast, "motor side's rate")
+        elif self.cable:
+            rate = around("omega_gear_rad_s", fast, "gear's rate, at the joint")
+        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
+        self.references = {"tau_d": ("tau_d_Nm", preview)}
+        self.inputs: tuple[Port, ...] = (
+            around("delta_rad", drive.delta_rad, "deflection"),
+            *(self.cable.ports() if self.cable else ()),
+            rate,
+            *((angle,) if self.impedance else ()),
+            around("omega_l_rad_s", fast, "load side's rate"),
+            around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
+            around("u_in_force_Nm", u_max, "command until the new one takes effect"),
+            *self.rubber.ports(),
+            around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
+            around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
+            around("tau_h_rate_Nm_s", 1e4, "its rate"),
+            *((curve,) if self.published else ()),
+            Port("mode", 0, 2, "0 off: the command is 0"),
+            around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many),
+        )
+        if self.impedance:
+            self.references |= {k: (n, preview) for k, n in PATH.items()}
+            self.inputs += (
+                Port("theta_d_rad", low, high, "wanted angle of the joint", many),
+                around("omega_d_rad_s", fast, "its rate", many),
+                *(
+                    Port(name, 0.0, field_facts(f"impedance.{name}")["high"], text, 1, "(5.24)")
+                    for name, text in GAINS.items()
+                ),
+            )
 
     def start(self, u: SimpleNamespace, tau_memory: Any) -> dict[str, Any]:
         angle = {"theta_l": u.theta_l_rad} if self.impedance else {}
@@ -206,7 +254,7 @@ class _Drive:
         # A parabola knows no end: a person does.
         return clip(tau, -self.drive.tau_h_Nm, self.drive.tau_h_Nm)
 
-    def reach(self, t: float) -> float:
+    def shape(self, t: float) -> float:
         """What the forecast takes of the time since the measurement."""
         fade = self.drive.disturbance.decay_s.value
         # The extended-state observer's own model: the rate decays, the torque settles.
@@ -222,117 +270,21 @@ class _Drive:
             "load_1_kgm2": c.load_free * (1 / self.drive.joint.Jh_kgm2.value),
         }
 
-    def wanted(
-        self, horizon: Horizon, preview: bool
-    ) -> tuple[list[Port], dict[str, tuple[str, bool]]]:
-        """What is wanted: its ports, and the references read from them."""
-        drive = self.drive
-        many = horizon.intervals if preview else 1
-        turn = drive.theta_high_rad
-        wanted = [around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many)]
-        references = {"tau_d": ("tau_d_Nm", preview)}
-        if self.impedance:
-            low = drive.theta_low_rad
-            wanted += [
-                Port("theta_d_rad", low, turn, "wanted angle of the joint", many),
-                around("omega_d_rad_s", drive.omega_rad_s, "its rate", many),
-            ]
-            references |= {k: (n, preview) for k, n in PATH.items()}
-            wanted += [
-                Port(name, 0.0, field_facts(f"impedance.{name}")["high"], meaning, 1, "(5.24)")
-                for name, meaning in GAINS.items()
-            ]
-        return wanted, references
-
-    def measured(self) -> tuple[Port, ...]:
-        drive, u_max = self.drive, self.u_max
-        angle = Port("theta_l_rad", drive.theta_low_rad, drive.theta_high_rad, "load side's angle")
-        rate = around("omega_rad_s", drive.rate_rad_s, "deflection's rate")
-        if self.published:
-            rate = around("omega_m_rad_s", drive.omega_rad_s, "motor side's rate")
-        elif self.cable:
-            rate = around("omega_gear_rad_s", drive.omega_rad_s, "gear's rate, at the joint")
-        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
-        return (
-            around("delta_rad", drive.delta_rad, "deflection"),
-            *(self.cable.ports() if self.cable else ()),
-            rate,
-            *((angle,) if self.impedance else ()),
-            around("omega_l_rad_s", drive.omega_rad_s, "load side's rate"),
-            around("u_a_Nm", u_max, "motor torque now, at the shaft", equation="(5.1)"),
-            around("u_in_force_Nm", u_max, "command until the new one takes effect"),
-            *self.rubber.ports(),
-            around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
-            around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
-            around("tau_h_rate_Nm_s", 1e4, "its rate"),
-            *((curve,) if self.published else ()),
-            Port("mode", 0, 2, "0 off: the command is 0"),
-        )
-
-
-def _weights(
-    weights: tuple[float, float], temperature: Mapping[str, Any]
-) -> tuple[tuple[Tunable, ...], tuple[Port, ...]]:
-    rated = "weight of the motor torque's rate; less than Q/10000 counts as that"
-    tunables = (
-        Tunable("Q", weights[0], 0.01, 1e5, "weight of the torque error", "trials; thesis: 35"),
-        Tunable("R", weights[1], 1e-4, 1e4, rated, "thesis: 1"),
-        Tunable("load_free", 1.0, 0.0, 1.0, "1 free load side, 0 held fast", "the rig"),
-        *temperature.get("tunables", ()),
-    )
-    coefficients = (
-        Port("root_q", 0.0, 1e3, "root of Q"),
-        Port("root_r", 0.0, 1e6, "root of R over the motor's lag"),
-        Port("load_1_kgm2", 0.0, 1e4, "1 / Jh, 0 when held fast"),
-        *temperature.get("coefficients", ()),
-    )
-    return tunables, coefficients
-
 
 def predictive_controller(
     device: DeviceData,
     *,
     horizon: Horizon | None = None,
-    preview: bool = False,
-    impedance: bool = False,
-    person: Person = "extended_state",
-    weights: tuple[float, float] = (Q_BEST, R_BEST),
     period_s: float | None = None,
     cap: int | None = None,
-    train: DriveTrain = "rigid",
+    **choice: Any,
 ) -> Program:
+    """The controller of a device, as :class:`DriveChoice` says."""
     drive = drive_of(device)
     period = drive.control_period_s if period_s is None else period_s
     if horizon is None:
         release = device.file.timing.control_release_s
         horizon = Horizon(delay_s=period if release is None else release.value)
-    title = f"Predictive {'impedance' if impedance else 'torque'} control"
-    model = drive_model(
-        device,
-        horizon,
-        preview=preview,
-        impedance=impedance,
-        person=person,
-        weights=weights,
-        train=train,
-    )
+    model = drive_model(device, horizon, **choice)
+    title = f"Predictive {'impedance' if choice.get('impedance') else 'torque'} control"
     return predictive_program(model, horizon, period_s=period, title=title, cap=cap)
-
-
-def _equations(impedance: bool, train: DriveTrain) -> tuple[Any, ...]:
-    n, u, ua, tau_c, om, tau_e, j, d4 = sp.symbols("n u_c u_a tau_c omega_m tau_e J d_4")
-    fv, fc, jh, tau_h, tau_d = sp.symbols("f_v f_c J_h tau_h tau_d")
-    q, r, e = sp.symbols("Q R e")
-    w = sp.Symbol("omega_w")
-    friction = fv * om + fc * sp.tanh(om / w)
-    error: sp.Expr = tau_e - tau_d
-    if impedance:
-        kp, kd, th, thd, ol, od = sp.symbols("K_p K_d theta_l theta_d omega_l omega_d")
-        error = error + kp * (th - thd) + kd * (ol - od)
-    return (
-        equation("(5.1)", "u_a'", (u - ua) / tau_c, "lag of the motor"),
-        equation("(5.2)", "omega_m'", (n * ua - friction - tau_e) / j + d4, "motor side"),
-        equation("(5.3)", "omega_l'", (tau_e + tau_h) / jh, "load side"),
-        equation("(5.24)" if impedance else "[error]", "e", error, "what the cost weighs"),
-        equation("[cost]", "c_k", q * e**2 + r * ((u - ua) / tau_c) ** 2, "summed over k"),
-    )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 
 from esea_gen.control.predictive.horizon import Stops, Tape
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Guard, Labels
 from esea_gen.language.ports import Constant, Port, around, clip
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, THETA, stop_grid
@@ -23,9 +24,6 @@ from esea_gen.model.family_step import FamilyStep
 from esea_gen.model.rubber import fitted_of
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # |x|^n becomes (x^2 + eps^2)^(n/2): the derivative of |x|^0.77 is infinite at 0.  At this rate the
 # term is a twentieth of eps2, and at this angle a millionth of eps1.

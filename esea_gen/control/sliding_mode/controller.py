@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,13 @@ import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
-from esea_gen.control.sliding_mode.softening import SwingSoftening
+from esea_gen.control.sliding_mode.softening import (
+    COEFFICIENT,
+    EQUATIONS,
+    SOFTENED,
+    TUNABLE,
+    SwingSoftening,
+)
 from esea_gen.control.sliding_mode.surface import (
     DELTA,
     ERROR,
@@ -35,15 +41,13 @@ from esea_gen.control.sliding_mode.surface import (
     switching_gain,
 )
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
-from esea_gen.model.symbolic import to_casadi
+from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # The share of the largest command by which the applied one may miss it before the integral rests.
 LIMITED_SHARE = 1e-3
@@ -61,17 +65,7 @@ MARGIN_HIGH = 5.0
 # with the last two, for which of them it stems from depends on the control task's release.
 def sliding_mode(device: DeviceData) -> Block:
     """Sliding mode torque controller of the motor side relative to the load side."""
-    law = _SlidingMode(device)
-    return Block.of(
-        law,
-        "sliding_mode",
-        "Sliding mode torque controller",
-        constants=device.constants("actuator")
-        + device.constants("sliding_mode")
-        + tuple(k for k in device.constants("joint") if k.name == "Jh_kgm2"),
-        equations=surface_equations() + (law.softening.equations() if law.softening else ()),
-        streams=STREAMS,
-    )
+    return Block.of(_SlidingMode(device))
 
 
 class _SlidingMode:
@@ -91,11 +85,105 @@ class _SlidingMode:
         self.fade = math.exp(-h / drive.actuator.tau_c_s.value)
         self.limited = threshold(LIMITED_SHARE * self.u_lim)
         # A law as published knows no such thing.
-        self.softening = (
-            SwingSoftening(h, 2 * self.delta_lim, LEAD_HIGH) if self.model_acceleration else None
-        )
+        self.softening: SwingSoftening | None = None
         self.numbers = self._numbers()
         self._ranges()
+        self._gains()
+        self._ports(device)
+
+    def _gains(self) -> None:
+        width = field_facts("sliding_mode.phi_rad_s")
+        stiffer = "slope of the surface: higher is stiffer and nearer to the drive's own modes"
+        narrow = "width of the boundary layer: narrower is stiffer and chatters sooner"
+        gain = "factor on the switching gain of (5.20); 1 is its smallest"
+        equal, control = "thesis chapter 5: equality in (5.20)", "docs/control.md"
+        leads = "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c"
+        load = "share of the load's estimated acceleration in the set-point's acceleration"
+        ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
+        ours, lead = float(self.model_acceleration), self.lead_here
+        by = f"1: thesis chapter 5; more: {control}"
+        low, high = self.lambda_low, self.lambda_high
+        self.tunables: tuple[Tunable, ...] = (
+            self.sm.lambda_1_s.tunable("lambda_1_s", low, high, stiffer),
+            self.sm.phi_rad_s.tunable("phi_rad_s", width["low"], width["high"], narrow),
+            Tunable("margin", 1.0, 1.0, MARGIN_HIGH, gain, equal, "published"),
+            Tunable("lead", lead, 1.0, LEAD_HIGH, leads, by),
+            Tunable("load_share", ours, 0.0, 1.0, load, control),
+            Tunable("friction_ahead", ours, 0.0, 1.0, ahead, control),
+        )
+        self.coefficients: tuple[Port, ...] = (
+            Port("lambda_1_s", 0.0, self.lambda_high, "slope of the surface", equation="(5.12)"),
+            Port("lambda2_1_s2", 0.0, 1.01 * self.lambda_high**2, "its square"),
+            Port(
+                "integral_gain_1_s", 0.0, 1.01 * self.h * self.lambda_high**2, "square times period"
+            ),
+            Port("layer_s_rad", 0.0, 1.01e3, "1/phi", equation="(5.22)"),
+            Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
+            Port("lead", 0.0, LEAD_HIGH - 1, "gain against the motor's lag"),
+            Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
+            Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
+        )
+
+    def _ports(self, device: DeviceData) -> None:
+        self.name = "sliding_mode"
+        self.title = "Sliding mode torque controller"
+        self.constants = (
+            *device.constants("actuator"),
+            *device.constants("sliding_mode"),
+            *(k for k in device.constants("joint") if k.name == "Jh_kgm2"),
+        )
+        self.equations = surface_equations()
+        self.streams = STREAMS
+        self.state: tuple[Port, ...] = (
+            Port("active", 0.0, 1.0, "1 when the controller acted in the last step"),
+            around("integral_rad_s", self.integral_lim, "lambda^2 times the integral of e"),
+            around("offset_Nm", 2.01 * self.u_lim, "fading offset of the entry"),
+            around("u_last_Nm", self.u_lim, "command of the last step"),
+            around("u_before_Nm", self.u_lim, "command of the step before"),
+        )
+        self.inputs = (
+            around("delta_set_rad", self.delta_lim, "deflection set-point"),
+            around("delta_rate_rad_s", self.rate_lim, "rate of the deflection set-point"),
+            around("delta_acc_rad_s2", self.acc_lim, "acceleration of the set-point"),
+            around("theta_rad", self.delta_lim, "deflection: motor-side minus load-side angle"),
+            around("omega_motor_rad_s", self.omega_lim, "motor side's rate"),
+            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
+            around("tau_Nm", self.tau_lim, "interaction torque on the load"),
+            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
+            around("d4_rad_s2", self.d_lim, "disturbance of the drive", equation="(5.5)"),
+            around("u_a_Nm", self.u_lim, "motor torque by its model", equation="(5.1)"),
+            Port("mode", 0.0, 2.0, "0 off; 1 torque and 2 impedance act alike here"),
+            around("u_applied_Nm", self.u_lim, "command that the motor holds"),
+        )
+        command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
+        rests = "the command is held back, or the integral is at its range: it does not grow"
+        clipped = "the command was clipped at the motor's limit"
+        entered = "the controller took over in this step, from the applied command"
+        self.outputs = (
+            around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
+            around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
+            around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
+            around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
+            Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
+            status_port(
+                "what is known of this command",
+                "an input was NaN or outside its range; no torque asked for",
+                "the state was corrupt; no torque asked for in this step",
+                Flag("SATURATED", clipped, True, command, self.u_lim),
+                Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
+                Flag("INTEGRAL_RESTS", rests, True),
+                Flag("ACTIVE", "the controller acts"),
+                Flag("ENTERED", entered),
+                *([SOFTENED] * self.model_acceleration),
+            ),
+        )
+
+        if self.model_acceleration:
+            self.softening = SwingSoftening(self.h, 2 * self.delta_lim, LEAD_HIGH)
+            self.tunables += (TUNABLE,)
+            self.coefficients += (COEFFICIENT,)
+            self.state += self.softening.state
+            self.equations += equations(EQUATIONS)
 
     def _numbers(self) -> dict[sp.Symbol, float]:
         a, sm = self.drive.actuator, self.sm
@@ -291,93 +379,6 @@ class _SlidingMode:
         held_back = ca.if_else(here == 0, after, here)
         held_back = label("held_back", held_back, "sign of what the command lacks")
         return label("rests", held_back * e > 0, "the error would wind the integral up")
-
-    def tunables(self) -> tuple[Tunable, ...]:
-        width = field_facts("sliding_mode.phi_rad_s")
-        stiffer = "slope of the surface: higher is stiffer and nearer to the drive's own modes"
-        narrow = "width of the boundary layer: narrower is stiffer and chatters sooner"
-        gain = "factor on the switching gain of (5.20); 1 is its smallest"
-        equal, control = "thesis chapter 5: equality in (5.20)", "docs/control.md"
-        leads = "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c"
-        load = "share of the load's estimated acceleration in the set-point's acceleration"
-        ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
-        ours, lead = float(self.model_acceleration), self.lead_here
-        by = f"1: thesis chapter 5; more: {control}"
-        low, high = self.lambda_low, self.lambda_high
-        return (
-            self.sm.lambda_1_s.tunable("lambda_1_s", low, high, stiffer),
-            self.sm.phi_rad_s.tunable("phi_rad_s", width["low"], width["high"], narrow),
-            Tunable("margin", 1.0, 1.0, MARGIN_HIGH, gain, equal, "published"),
-            Tunable("lead", lead, 1.0, LEAD_HIGH, leads, by),
-            Tunable("load_share", ours, 0.0, 1.0, load, control),
-            Tunable("friction_ahead", ours, 0.0, 1.0, ahead, control),
-            *((self.softening.tunable(),) if self.softening else ()),
-        )
-
-    def coefficients(self) -> tuple[Port, ...]:
-        return (
-            Port("lambda_1_s", 0.0, self.lambda_high, "slope of the surface", equation="(5.12)"),
-            Port("lambda2_1_s2", 0.0, 1.01 * self.lambda_high**2, "its square"),
-            Port(
-                "integral_gain_1_s", 0.0, 1.01 * self.h * self.lambda_high**2, "square times period"
-            ),
-            Port("layer_s_rad", 0.0, 1.01e3, "1/phi", equation="(5.22)"),
-            Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
-            Port("lead", 0.0, LEAD_HIGH - 1, "gain against the motor's lag"),
-            Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
-            Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
-            *((self.softening.coefficient(),) if self.softening else ()),
-        )
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            Port("active", 0.0, 1.0, "1 when the controller acted in the last step"),
-            around("integral_rad_s", self.integral_lim, "lambda^2 times the integral of e"),
-            around("offset_Nm", 2.01 * self.u_lim, "fading offset of the entry"),
-            around("u_last_Nm", self.u_lim, "command of the last step"),
-            around("u_before_Nm", self.u_lim, "command of the step before"),
-            *(self.softening.state() if self.softening else ()),
-        )
-
-    def inputs(self) -> tuple[Port, ...]:
-        return (
-            around("delta_set_rad", self.delta_lim, "deflection set-point"),
-            around("delta_rate_rad_s", self.rate_lim, "rate of the deflection set-point"),
-            around("delta_acc_rad_s2", self.acc_lim, "acceleration of the set-point"),
-            around("theta_rad", self.delta_lim, "deflection: motor-side minus load-side angle"),
-            around("omega_motor_rad_s", self.omega_lim, "motor side's rate"),
-            around("omega_load_rad_s", self.omega_lim, "load side's rate"),
-            around("tau_Nm", self.tau_lim, "interaction torque on the load"),
-            around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
-            around("d4_rad_s2", self.d_lim, "disturbance of the drive", equation="(5.5)"),
-            around("u_a_Nm", self.u_lim, "motor torque by its model", equation="(5.1)"),
-            Port("mode", 0.0, 2.0, "0 off; 1 torque and 2 impedance act alike here"),
-            around("u_applied_Nm", self.u_lim, "command that the motor holds"),
-        )
-
-    def outputs(self) -> tuple[Port, ...]:
-        command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
-        rests = "the command is held back, or the integral is at its range: it does not grow"
-        clipped = "the command was clipped at the motor's limit"
-        entered = "the controller took over in this step, from the applied command"
-        return (
-            around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
-            around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
-            around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
-            around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
-            Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
-            status_port(
-                "what is known of this command",
-                "an input was NaN or outside its range; no torque asked for",
-                "the state was corrupt; no torque asked for in this step",
-                Flag("SATURATED", clipped, True, command, self.u_lim),
-                Flag("LAYER_LEFT", "|s| is beyond the boundary layer", False, ("s_rad_s",), phi),
-                Flag("INTEGRAL_RESTS", rests, True),
-                Flag("ACTIVE", "the controller acts"),
-                Flag("ENTERED", entered),
-                *((self.softening.flag(),) if self.softening else ()),
-            ),
-        )
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

@@ -7,16 +7,15 @@ looked up ahead, and the set deflection smoothed over the same time.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
+from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
-    Equation,
     Port,
     Tunable,
     around,
@@ -24,11 +23,8 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.file import DeviceData
 
 # Delay of the smoothing: with less the motor's limit is still met at 3 Nm and 1 Hz, with more the
 # corners are rounded off (trials with 30, 50, 70, 90 ms: 0.48, 0.28, 0.19, 0.17 Nm there).
@@ -39,6 +35,13 @@ LEAD_S = 0.07
 FADE_S = 0.1
 # A little less than 1: rounding can then not put a mixture of two angles beyond their range.
 LEAST_SHARE, MOST_SHARE = 0.01, 0.999
+
+
+LEAD_EQUATION = """
+    [lead 1] | tau_led | tau_set + g * Integral((r + a * x) * exp(-x / T_f), (x, 0, T_l)) | \
+        g: share that is governed
+"""
+SMOOTH_EQUATION = "[smooth] | y | x / (1 + s * T_s / 3)**3 | three lags"
 
 
 # In impedance mode the set torque follows the motion, and what is led there would cost passivity.
@@ -82,17 +85,9 @@ def torque_lead(device: DeviceData) -> Block:
         ),
         inputs=inputs,
         outputs=outputs,
-        equations=(_lead_equation(),),
+        equations=equations(LEAD_EQUATION),
         step=step,
     )
-
-
-def _lead_equation() -> Equation:
-    r, a, fade = sp.symbols("r a T_f", positive=True)
-    x = sp.Symbol("x")
-    path = sp.Integral((r + a * x) * sp.exp(-x / fade), (x, 0, sp.Symbol("T_l")))
-    led = sp.Symbol("tau_set") + sp.Symbol("g") * path
-    return equation("[lead 1]", "tau_led", led, "g: share that is governed")
 
 
 def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
@@ -171,14 +166,9 @@ def smoothed_setpoint(device: DeviceData) -> Block:
             around("theta_smooth_rad", delta_lim, "inverse's set-point, smoothed likewise"),
             _status("not smoothed"),
         ),
-        equations=(_smooth_equation(),),
+        equations=equations(SMOOTH_EQUATION),
         step=step,
     )
-
-
-def _smooth_equation() -> Equation:
-    x, t, s = sp.symbols("x T_s s")
-    return equation("[smooth]", "y", x / (1 + s * t / 3) ** 3, "three lags")
 
 
 def _status(then: str) -> Port:

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.devices.fields import SlidingMode
+from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.model.rubber import stiffness_range_Nm_rad
+from esea_gen.model.sections import section_of
 from esea_gen.observe import drive_of
-
-if TYPE_CHECKING:
-    from esea_gen.devices.fields import SlidingMode
-    from esea_gen.devices.file import DeviceData
 
 Array = npt.NDArray[np.float64]
 
@@ -46,13 +45,8 @@ LOOP_STATES += ["u_held", "u_a_model", "d4", "integral", "u_pending", "u_now"]
 
 
 def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
-    section = device.file.sliding_mode
-    if section is None:
-        raise UserError(
-            f"{device.origin}: section [sliding_mode] is missing: sliding mode control needs it.",
-            'Add it, or write extends = "elbow_drive" and give what differs.',
-        )
-    return section
+    found: SlidingMode = section_of(device, "sliding_mode", "sliding mode control needs it")
+    return found
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import sympy as sp
 
 from esea_gen.language.block import Labels
-from esea_gen.language.ports import Equation, Flag, Port, Tunable, around, clip
-from esea_gen.model.symbolic import equation
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip
 
 FROM_HZ = 4.0
 """Two high-passes of first order: wanted torques and what people do is mostly slower."""
@@ -28,15 +26,38 @@ SEEN_RAD, FULL_RAD = 3.5e-3, 3.9e-3
 SLOPE_FALLS, LEAD_RISES = 0.5, 0.6
 """Shares: lambda from 15 to 7.5 1/s, the lead from 2.5 to 4."""
 
+EQUATIONS = f"""
+    [soft 1] | sigma | Max(sigma_1 * Max(0, Min(1, (q_2 - q_seen**2) / (q_full**2 - q_seen**2))), \
+        sigma{{k-1}} * exp(-h / T_s)) | softness
+    [soft 2] | lambda | lambda_0 * (1 - {SLOPE_FALLS} * sigma{{k-1}}) | slope, softened
+    [soft 3] | kappa | kappa_0 * (1 + {LEAD_RISES} * sigma{{k-1}}) | lead, at most 4
+"""
+SOFTENED = Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
+COEFFICIENT = Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
+TUNABLE = Tunable(
+    "softening",
+    1.0,
+    0.0,
+    1.0,
+    "how soft a swing of the error makes the gains; 0: they stay as they are",
+    "docs/control.md",
+)
+
 
 class SwingSoftening:
     """What softens the gains of the sliding mode."""
 
     def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
-        self.h, self.error_lim, self.lead_high = h, error_lim, lead_high
+        self.h, self.lead_high = h, lead_high
         self.follow = 1 - math.exp(-2 * math.pi * FROM_HZ * h)
         self.gain = 1 - math.exp(-h / WINDOW_S)
         self.keep = math.exp(-h / BACK_S)
+        self.state = (
+            around("slow_rad", 1.01 * error_lim, "slow part of the error"),
+            around("middle_rad", 2.02 * error_lim, "slow part of what is left"),
+            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
+            Port("soft", 0.0, 1.0, "how soft the gains are"),
+        )
 
     def step(
         self, c: Any, s: Any, e: ca.SX, on: ca.SX, entering: ca.SX, label: Labels
@@ -68,32 +89,3 @@ class SwingSoftening:
         }
         kept = {"slow_rad": slow, "middle_rad": middle, "square": square, "soft": now}
         return SimpleNamespace(**gains), {n: ca.if_else(on, x, 0) for n, x in kept.items()}
-
-    def state(self) -> tuple[Port, ...]:
-        return (
-            around("slow_rad", 1.01 * self.error_lim, "slow part of the error"),
-            around("middle_rad", 2.02 * self.error_lim, "slow part of what is left"),
-            Port("square", 0.0, 1.001, "mean square of the fast part, 1 is the most that counts"),
-            Port("soft", 0.0, 1.0, "how soft the gains are"),
-        )
-
-    def tunable(self) -> Tunable:
-        text = "how soft a swing of the error makes the gains; 0: they stay as they are"
-        return Tunable("softening", 1.0, 0.0, 1.0, text, "docs/control.md")
-
-    def coefficient(self) -> Port:
-        return Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
-
-    def flag(self) -> Flag:
-        return Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
-
-    def equations(self) -> tuple[Equation, ...]:
-        slope, kappa = sp.symbols("lambda_0 kappa_0")
-        square, seen, full, share = sp.symbols("q_2 q_seen q_full sigma_1")
-        wanted = share * sp.Max(0, sp.Min(1, (square - seen**2) / (full**2 - seen**2)))
-        last, back, h = sp.symbols("sigma_k-1 T_s h")
-        return (
-            equation("[soft 1]", "sigma", sp.Max(wanted, last * sp.exp(-h / back)), "softness"),
-            equation("[soft 2]", "lambda", slope * (1 - SLOPE_FALLS * last), "slope, softened"),
-            equation("[soft 3]", "kappa", kappa * (1 + LEAD_RISES * last), "lead, at most 4"),
-        )

@@ -7,7 +7,7 @@ from functools import cache
 import sympy as sp
 
 from esea_gen.language.ports import Equation
-from esea_gen.model.symbolic import equation
+from esea_gen.model.symbolic import equations
 from esea_gen.observe.disturbance import ACCELERATION, FC, FV, TAU_E, U_A, J, N
 
 LAMBDA = sp.Symbol("lambda", positive=True)
@@ -65,16 +65,24 @@ def switching_gain() -> sp.Expr:
     return bound / N
 
 
+EQUATIONS = """
+    (5.12) | s | surface | surface of second order with integral
+    (5.16, 5.17) | u_eq | equivalent | solution of s' = 0
+    (5.20) | k_smc | gain | smallest switching gain
+    [a_w] | a_w | wanted | acceleration that keeps the surface
+    [tau_unc] | tau_e,unc | uncertain | uncertain coupling torque
+    (5.22) | u | u_eq + k_smc * Max(-1, Min(1, s / phi)) | motor torque wanted
+    [lead] | u_c | u + (kappa - 1) * (u - u_a) | \
+        command that makes the motor follow kappa times faster; 1 as printed
+"""
+
+
 def surface_equations() -> tuple[Equation, ...]:
-    u_eq, k, s, phi, u, kappa = sp.symbols("u_eq k_smc s phi u kappa")
-    lead = "command that makes the motor follow kappa times faster; 1 as printed"
-    law = u_eq + k * sp.Max(-1, sp.Min(1, s / phi))
-    return (
-        equation("(5.12)", "s", SURFACE, "surface of second order with integral"),
-        equation("(5.16, 5.17)", "u_eq", equivalent_control(), "solution of s' = 0"),
-        equation("(5.20)", "k_smc", switching_gain(), "smallest switching gain"),
-        equation("[a_w]", WANTED, WANTED_ACCELERATION, "acceleration that keeps the surface"),
-        equation("[tau_unc]", TAU_UNC, TORQUE_UNCERTAINTY, "uncertain coupling torque"),
-        equation("(5.22)", "u", law, "motor torque wanted"),
-        equation("[lead]", "u_c", u + (kappa - 1) * (u - U_A), lead),
+    return equations(
+        EQUATIONS,
+        surface=SURFACE,
+        equivalent=equivalent_control(),
+        gain=switching_gain(),
+        wanted=WANTED_ACCELERATION,
+        uncertain=TORQUE_UNCERTAINTY,
     )

@@ -9,8 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,6 +18,8 @@ import numpy as np
 from esea_gen.cache import cache_folder, code_digest
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import search
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.language.block import Block
 
 ROOMS = ("emit", "language")  # a test holds that what plans reads no code but theirs
@@ -55,18 +55,6 @@ def _read(path: Path, nodes: int) -> dict[int, str] | None:
     return found if all(0 <= i < nodes for i in found) else None
 
 
-def _write(path: Path, why: dict[int, str]) -> None:
-    # Whole or not at all; a full disk costs the next process its time and no more.
-    with suppress(OSError):
-        handle, name = tempfile.mkstemp(dir=path.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(why, file)
-            Path(name).replace(path)
-        finally:
-            Path(name).unlink(missing_ok=True)
-
-
 def _plan(block: Block) -> BlockPlan:
     planner = Planner(block)
     digest = content_digest(planner)
@@ -77,7 +65,8 @@ def _plan(block: Block) -> BlockPlan:
     if why is not None:
         return planner.plan(why)
     plan = search(planner)
-    _write(path, dict(plan.why_wide))
+    with suppress(UserError):  # a full disk costs the next process its time and no more
+        write_whole(path, json.dumps(dict(plan.why_wide)))
     return plan
 
 

@@ -16,7 +16,6 @@ LONGEST_NAME = 15
 
 
 def updated_name(device: Device) -> str:
-    """Name of the device with what was found."""
     return device.name if device.name.endswith("_id") else f"{device.name[: LONGEST_NAME - 3]}_id"
 
 
@@ -36,7 +35,6 @@ def _quantity(e: Estimate, source: str, key: str) -> Quantity:
 
 
 def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, title: str) -> Device:
-    """The device with these numbers in ``[actuator]``."""
     a = device.file.actuator
     assert a is not None
     numbers = {k: _quantity(e, source, k) for k, e in found.items()}

@@ -29,8 +29,6 @@ COLUMNS = ("count", "reference_rad")
 
 @dataclass(frozen=True)
 class EncoderTable:
-    """A table, and what it is worth."""
-
     side: str
     direction: int
     values: tuple[Estimate | None, ...]  # of each node; None: never seen
@@ -49,7 +47,6 @@ class EncoderTable:
         return [float(f"{x:.7g}") for x in found]
 
     def table(self) -> list[str]:
-        """For people."""
         deg = 180 / math.pi
         lines = [f"{'at deg':>8}{'add deg':>10}{'95 % interval':>24}"]
         for k, v in enumerate(self.values):
@@ -72,7 +69,6 @@ class EncoderTable:
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         return {
             "side": self.side,
             "direction": self.direction,
@@ -158,7 +154,6 @@ def _turned(e: Estimate) -> tuple[float, float]:
 
 
 def with_table(device: Device, found: EncoderTable, orientation_rad: float, source: str) -> Device:
-    """The device with the table in it."""
     own = getattr(device.file.encoder, found.side) or EncoderSide()
     text = f"{source}; 95 % intervals of up to {_widest(found):.2g} rad either way"
     at = Quantity(value=orientation_rad, status="identified", source=source)

@@ -64,7 +64,6 @@ class Friction:
     outside: int
 
     def torque_Nm(self, omega_rad_s: Array) -> Array:
-        """The model's."""
         way, size = np.sign(omega_rad_s), np.abs(omega_rad_s)
         dry = np.full(np.shape(size), self.fc_Nm.value)
         if self.fs_Nm is not None and self.vs_rad_s is not None:
@@ -82,7 +81,6 @@ class Friction:
         return {k: _times(e, by) for k, (e, by) in found.items() if e is not None}
 
     def table(self) -> list[str]:
-        """For people."""
         lines = [
             f"{self.runs} runs, {self.used} samples; {self.outside} far from their run's median "
             "left out"
@@ -101,7 +99,6 @@ class Friction:
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         own = {n: getattr(self, n) for n in UNITS}
         found = {n: None if e is None else e.to_dict(UNITS[n]) for n, e in own.items()}
         rest = ("left_Nm", "moved_Nm", "runs", "used", "outside")

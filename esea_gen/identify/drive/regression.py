@@ -25,8 +25,6 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its interval."""
-
     value: float
     low: float  # ends of the interval that holds the true value with 95 % confidence
     high: float
@@ -41,7 +39,6 @@ class Estimate:
 
     @property
     def half(self) -> float:
-        """Half the interval's width."""
         return 0.5 * (self.high - self.low)
 
     def to_dict(self, unit: str) -> dict[str, Any]:
@@ -60,7 +57,6 @@ class LeastSquares:
     blocks: int
 
     def deviation(self, k: int) -> float:
-        """Standard deviation of a coefficient."""
         return float(np.sqrt(np.maximum(self.covariance[k, k], 0.0)))
 
     def estimate(self, gradient: Array, value: float) -> Estimate:
@@ -70,7 +66,6 @@ class LeastSquares:
 
     @property
     def rms(self) -> float:
-        """Of what is left."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
 

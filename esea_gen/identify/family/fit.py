@@ -1,14 +1,7 @@
-"""Fit of a member of the elastomer family: its weights are solved, not searched.
+"""The members of the family that are compared, from simple to rich.
 
-The Block of unit terms is compiled and run over the recordings, so that what is fitted is what the
-board computes.  The torque is linear in the weights; of the recordings' mean square error over data
-sets these are then the solution of one least-squares problem with weights of 0 or above [1]_.  What
-contributes next to nothing is left out, and the rest solved again.  Where recordings differ in
-temperature, the change a kelvin is searched outside, the weights solved inside.
-
-References
-----------
-.. [1] C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", Prentice-Hall, 1974.
+Their outer numbers are fixed: spaced evenly on a logarithmic axis, in units of the largest trained
+deflection and in seconds.  Only weights are fitted.
 """
 
 from __future__ import annotations
@@ -24,9 +17,14 @@ import numpy as np
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.published.plant import equal_weights
 from esea_gen.identify.published.search_problem import solve_linear
-from esea_gen.identify.recording.misfit import Misfits
+from esea_gen.identify.recording.conditions import (
+    at_temperature,
+    scaled_terms,
+    searched_factor,
+    tells_none,
+)
 from esea_gen.identify.recording.reading import resample
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording
 from esea_gen.identify.recording.resampling import (
     FitRows,
     LeftOut,
@@ -35,16 +33,71 @@ from esea_gen.identify.recording.resampling import (
     rows_of,
     whole_conditions,
 )
-from esea_gen.identify.recording.temperatures import (
-    at_temperature,
-    scaled_terms,
-    searched_factor,
-    tells_none,
-)
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
-from esea_gen.model.family import FittedMember, Member
+from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_sensor import unit_terms
+
+# Of the members: spaced evenly on a logarithmic axis, in units of the largest trained deflection
+# and in seconds; only weights are fitted.
+LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
+STEEP, BENT = Rise("bend", 0.08), Rise("bend", 0.4)
+
+THRESHOLDS = (0.02, 0.07, 0.15, 0.3, 0.6, 1.1)
+PATHS = (0.03, 0.1, 0.3, 1.0, 3.0)
+TIMES_s = (3.0, 30.0, 300.0)
+QUICK_s = (0.1, 0.3, 1.0, 3.0, 30.0)
+TURNING_s = (0.03, 0.1, 0.3, 1.0)
+FRACTIONAL_s = tuple(10 ** (-1 + 4 * k / 7) for k in range(8))
+EXPONENT = 0.2
+
+STRAIN = Softening("strain", 0.3)
+WORN = (STRAIN, Softening("path", 8.0), Softening("path", 40.0))
+
+
+def _springs(*rises: Rise) -> list[Term]:
+    return [Term("spring", r) for r in rises]
+
+
+def members() -> tuple[Member, ...]:
+    odd = _springs(LINEAR, CUBIC)
+    stops = odd + [Term("stop", q, (r,)) for q in (LINEAR, CUBIC) for r in THRESHOLDS]
+    slips = odd + [Term("slip", q, (p,)) for q in (LINEAR, CUBIC) for p in PATHS]
+    bent = _springs(STEEP, BENT, LINEAR, CUBIC)
+    rises = (STEEP, BENT, LINEAR)
+    maxwell = bent + [Term("maxwell", q, (t,)) for q in rises for t in TIMES_s]
+    element = [Term("maxwell", q, FRACTIONAL_s, EXPONENT) for q in (STEEP, BENT, LINEAR, CUBIC)]
+    fractional = bent + element
+    offset = Term("offset")
+    quick = [Term("maxwell", q, (t,)) for q in (LINEAR, CUBIC) for t in QUICK_s]
+    friction = [*bent, *stops[len(odd) :], *quick, offset]
+    # Friction that turns back otherwise at the two ends of a stroke.
+    ends = [Rise("power", 1, "positive"), Rise("power", 1, "negative")]
+    turning = [Term("maxwell", q, (t,)) for q in ends for t in TURNING_s]
+    return (
+        Member("stops", "springs and stop operators", tuple(stops)),
+        Member("slips", "springs and slip operators", tuple(slips)),
+        Member("stops, strain", "stops, softened by strain", softened(stops, STRAIN)),
+        Member("slips, strain", "slips, softened by strain", softened(slips, STRAIN)),
+        Member("stops, worn", "stops, softened by strain and path", softened(stops, *WORN)),
+        Member("slips, worn", "slips, softened by strain and path", softened(slips, *WORN)),
+        Member(
+            "slips, worn, offset",
+            "slips, softened by strain and path, and an offset",
+            softened([*slips, offset], *WORN),
+        ),
+        Member("stops, Maxwell, offset", "bent springs, stops, Maxwell, offset", tuple(friction)),
+        Member(
+            "stops, sides, offset", "stops, Maxwell each side, offset", (*stops, *turning, offset)
+        ),
+        Member("Maxwell", "bent springs and Maxwell branches", tuple(maxwell)),
+        Member("fractional", "bent springs and a fractional element", tuple(fractional)),
+        Member("Maxwell, strain", "Maxwell, softened by strain", softened(maxwell, STRAIN)),
+        Member(
+            "fractional, strain", "fractional, softened by strain", softened(fractional, STRAIN)
+        ),
+    )
+
 
 # A term whose RMS torque is below this share of full scale is left out.
 LEAST_SHARE = 1e-3
@@ -78,7 +131,6 @@ class UnitTerms:
         return self._known[scale_rad]
 
     def having(self, recordings: Sequence[Recording]) -> UnitTerms:
-        """The same terms over other recordings."""
         other = copy.copy(self)
         other.recordings, other._known = tuple(recordings), {}
         return other
@@ -288,7 +340,6 @@ def misfits_of(terms: UnitTerms, recordings: Sequence[Recording], fitted: Fitted
 
 
 def term_rows(fitted: FittedMember) -> list[dict[str, Any]]:
-    """Terms that carry torque, JSON-ready."""
     return [
         {
             "term": t.text,

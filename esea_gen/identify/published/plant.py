@@ -1,4 +1,4 @@
-"""The emitted C of the torque sensor over recordings, its parameters tunable."""
+"""The emitted C of the torque sensor over recordings, and how well they determine its numbers."""
 
 from __future__ import annotations
 
@@ -6,22 +6,30 @@ import copy
 import hashlib
 import math
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.device import Device
+from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
-from esea_gen.identify.published.parameters import with_values
+from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.resampling import FitRows, rows_of, whole_conditions
+from esea_gen.identify.recording.resampling import (
+    FitRows,
+    LeftOut,
+    autocorrelation,
+    resampled,
+    rows_of,
+    whole_conditions,
+)
 from esea_gen.language.ports import Array
 from esea_gen.language.system import System, Task
-from esea_gen.model.elastomer import torque_sensor
+from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS, torque_sensor
 from esea_gen.model.slopes import sloped
 
 # Neighbouring samples say the same: the search compares at most so many a data set, evenly spread.
@@ -66,8 +74,6 @@ class FitStream:
 
 
 class FittedPlant:
-    """The compiled sensor over all recordings at one rate."""
-
     def __init__(
         self,
         device: Device,
@@ -79,23 +85,17 @@ class FittedPlant:
         self.rate_Hz = rate_Hz
         fine = device.file.timing.sense_rate_Hz.value
         # The bases below have unit stiffness; nothing in them may clip.
-        timing = {"sense_rate_Hz": rate_Hz or fine}
-        velocity = {
-            "bandwidth_Hz": min(
-                device.file.velocity.bandwidth_Hz.value, 0.1 * timing["sense_rate_Hz"]
-            )
-        }
-        wide = {"tau_Nm": 2000.0}
-        built = with_values(device, {}, timing=timing, velocity=velocity, limits=wide)
-        self.built = built
-        self.library = compile_system(tunable_system(built), "f64")
+        wide = with_numbers(device, {"limits.tau_Nm": 2000.0})
+        bandwidth = min(device.file.velocity.bandwidth_Hz.value, 0.1 * (rate_Hz or fine))
+        self.built = with_numbers(
+            wide, {"timing.sense_rate_Hz": rate_Hz or fine, "velocity.bandwidth_Hz": bandwidth}
+        )
+        self.library = compile_system(tunable_system(self.built), "f64")
         self._zone = device.elastomer.dead_zone_rad
         self._fine_Hz = fine
         self._estimate: CRunner | None = None
         if rate_Hz is not None:
-            self._estimate = compile_system(
-                tunable_system(with_values(device, {}, limits=wide)), "f64"
-            ).block("velocity")
+            self._estimate = compile_system(tunable_system(wide), "f64").block("velocity")
         self._take(recordings, rows)
 
     def having(self, recordings: list[Recording], rows: int | None = None) -> FittedPlant:
@@ -201,7 +201,6 @@ class FittedPlant:
         return out
 
     def torque(self, values: Mapping[str, float]) -> Array:
-        """Model torque at the training rows."""
         torque: Array = self._collect([(y["tau_Nm"],) for y in self.run(values)])[:, 0]
         return torque
 
@@ -258,3 +257,62 @@ def _on_grid(r: Recording, estimate: CRunner, fine_Hz: float, rate_Hz: float) ->
         resample(r.time_s, r.tau_Nm, times),
         tuple(x for x in rows if len(x)),
     )
+
+
+def relative_jacobian(
+    run: Callable[[dict[str, float]], Array],
+    values: Mapping[str, float],
+    keys: Sequence[str],
+    share: float,
+) -> Array:
+    """What a relative change of each parameter does, by central differences."""
+    columns = []
+    for k in keys:
+        step = share * values[k]
+        up, down = (run({**values, k: values[k] + s}) for s in (step, -step))
+        columns.append((up - down) / (2 * step) * values[k])
+    return np.column_stack(columns)
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What the Jacobian says at the optimum."""
+
+    sigma: dict[str, float | None]  # inf: no effect; None: fixed or at a bound
+    weakest: dict[str, Any]
+    correlation_factor: float  # by which neighbouring residuals raise sigma
+    resampled: LeftOut | None = None  # None: no parameter is free
+
+
+def free_keys(values: Mapping[str, float]) -> list[str]:
+    """Parameters that a fit can move: neither fixed nor at a bound."""
+    keys = (k for k in (*MODEL_KEYS, *RATE_KEYS) if k in values and k != "eps2")
+    return [k for k in keys if at_bound(k, values[k]) is None]
+
+
+def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
+    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`)."""
+    # The Jacobian says which parameters the torque does not depend on, and in which direction the
+    # fit is weakest.
+    free = free_keys(values)
+    rows = len(plant.measured)
+    scale = plant.weight * math.sqrt(rows)  # unit weight on average
+    residual = (plant.torque(values) - plant.measured) * scale
+    sigma: dict[str, float | None] = {k: None for k in (*MODEL_KEYS, *RATE_KEYS) if k in values}
+    rho = autocorrelation(residual)
+    factor = math.sqrt((1 + rho) / (1 - rho))
+    if not free:
+        return Uncertainty(sigma, {}, factor)
+    jacobian = relative_jacobian(plant.torque, values, free, 1e-3) * scale[:, None]
+    _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
+    dead = singular < 1e-9 * singular[0]
+    low, high = np.array([bounds_of(k) for k in free]).T / [values[k] for k in free] - 1
+    apart = jacobian / scale[:, None], -residual / scale, scale
+    found = resampled(*apart, plant.rows, plant.whole, (low, high))
+    for i, k in enumerate(free):
+        # A direction without effect makes those parameters infinite that take part in it.
+        lost = bool(np.any(dead & (np.abs(v[:, i]) > 1e-3)))
+        sigma[k] = math.inf if lost else float(found.sigma[i]) * values[k]
+    direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
+    weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
+    return Uncertainty(sigma, weakest, factor, found)

@@ -12,8 +12,10 @@ References
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,13 +23,105 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # its parts are read on first use
+import scipy  # its parts are read on first use  # its parts are read on first use
 
+from esea_gen.errors import UserError
 from esea_gen.identify.published.plant import FittedPlant
-from esea_gen.identify.published.population import polished
-from esea_gen.identify.published.search_memo import SearchMemo
 from esea_gen.identify.published.space import Space, linear_bounds
 from esea_gen.language.ports import Array
+
+Residual = Callable[[Array], Array]
+
+
+def sobol_points(low: Array, high: Array, count: int, seed: int) -> Array:
+    """Points of a Sobol sequence over a box, shape (count, numbers)."""
+    sobol = scipy.stats.qmc.Sobol(len(low), seed=seed)
+    return np.asarray(scipy.stats.qmc.scale(sobol.random(count), low, high))
+
+
+def finalists(points: Array, costs: Array, low: Array, high: Array, most: int) -> list[Array]:
+    """The best points that are not neighbours of a better one."""
+    unit = (points - low) / (high - low)
+    chosen: list[int] = []
+    for i in np.argsort(costs, kind="stable"):
+        if all(np.abs(unit[i] - unit[j]).max() > 0.1 for j in chosen):
+            chosen.append(int(i))
+        if len(chosen) == most:
+            break
+    return [points[i] for i in chosen]
+
+
+def polished(
+    residual: Residual, start: Array, low: Array, high: Array, **settings: Any
+) -> tuple[float, Array]:
+    """Square sum and place of the bounded least-squares minimum next to a start."""
+    width = high - low
+    inside = np.clip(start, low + 1e-6 * width, high - 1e-6 * width)
+    done = scipy.optimize.least_squares(
+        residual, inside, bounds=(low, high), x_scale=width, **settings
+    )
+    return 2 * float(done.cost), np.asarray(done.x, dtype=np.float64)
+
+
+def runner_up(costs: list[float]) -> float:
+    """Cost of the second best over the best's, in ascending order: near 1 when found repeatedly."""
+    return costs[1] / costs[0] if len(costs) > 1 and costs[0] > 0 else float("inf")
+
+
+HEAD = "esea-gen search 1"
+
+
+class SearchMemo:
+    """Numbers by digest, in memory and, where a file is named, one line each on the disk.
+
+    Every search is the same computation each time: one that was cut off is begun again, and takes
+    from the file what is there.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path
+        self._known: dict[str, tuple[float, ...]] = {}
+        if path is not None:
+            self._open(path)
+
+    def _open(self, path: Path) -> None:
+        fix = "Name another file for --resume."
+        try:
+            raw = path.read_bytes() if path.exists() else b""
+            # A line that the end of the last run cut off is written anew.
+            whole = raw[: raw.rfind(b"\n") + 1]
+            head, *lines = whole.split(b"\n")
+            if raw and head.decode(errors="replace") != HEAD:
+                if not f"{HEAD}\n".encode().startswith(raw):
+                    raise UserError(f"{path}: is no record of a search.", fix)
+                whole, lines = b"", []
+            if len(whole) != len(raw) or not whole:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(whole or f"{HEAD}\n".encode())
+        except OSError as error:
+            raise UserError(f"{path}: cannot be used ({error.strerror or error}).", fix) from None
+        for number, line in enumerate(filter(None, lines), 2):
+            try:
+                name, *values = json.loads(line)
+                self._known[str(name)] = tuple(float(v) for v in values)
+            except (ValueError, TypeError):
+                raise UserError(f"{path}, line {number}: is damaged.", fix) from None
+
+    def name(self, *parts: str | bytes) -> str:
+        joined = b"\0".join(p if isinstance(p, bytes) else p.encode() for p in parts)
+        return hashlib.sha256(joined).hexdigest()[:32]
+
+    def get(self, name: str) -> tuple[float, ...] | None:
+        return self._known.get(name)
+
+    def put(self, found: Iterable[tuple[str, Sequence[float] | Array]]) -> None:
+        """Keep some, on the disk before this returns."""
+        rows = [(n, tuple(float(v) for v in np.atleast_1d(values))) for n, values in found]
+        self._known |= dict(rows)
+        if self.path is not None and rows:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write("".join(json.dumps([n, *values]) + "\n" for n, values in rows))
+
 
 BATCH = 64  # points between two words of progress
 
@@ -46,9 +140,7 @@ Watch = Callable[[PresentBest, bool], None]
 
 @dataclass(frozen=True)
 class Searching:
-    """How to search."""
-
-    method: str = "multi-start"  # a name of :data:`esea_gen.identify.published.searches.SEARCHES`
+    method: str = "multi-start"  # a name of :data:`esea_gen.identify.published.fit.SEARCHES`
     jobs: int = -1  # threads; -1 for all cores.  The answer does not depend on it
     resume: Path | None = None  # file that keeps what was computed
     watch: Watch | None = None  # called at each improvement, and at the end

@@ -11,11 +11,35 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 
-from esea_gen.identify.published.parameters import EPS2_DEFAULT, bounds_of
+from esea_gen.devices.fields import field_facts
 from esea_gen.language.ports import Array
+from esea_gen.model.elastomer import RATE_KEYS
+
+EPS2_DEFAULT = 0.013  # the published elbow's value; any other gives the same torque
+
+
+def place_of(key: str) -> str:
+    """A parameter's place in the device file."""
+    return f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
+
+
+@cache
+def bounds_of(key: str) -> tuple[float, float]:
+    extra = field_facts(place_of(key))
+    return float(extra["low"]), float(extra["high"])
+
+
+def at_bound(key: str, value: float) -> str | None:
+    low, high = bounds_of(key)
+    # The viscosity's numbers have no scale of their own: only 0 itself is a lower bound of 0.
+    if value <= low * (1 + 1e-6):
+        return "lower"
+    return "upper" if value >= high * (1 - 1e-6) else None
+
 
 NEGLIGIBLE = 1e-4  # share of the torque below which the Maxwell element is left out
 TIME_CONSTANT_S = (1e-3, 1e4)
@@ -24,8 +48,6 @@ GAIN = (1e-3, 1e5)
 
 @dataclass(frozen=True)
 class Space:
-    """The searched numbers and how they become parameters."""
-
     rate_terms: bool
     theta_rad: float  # largest deflection and rate in the training data
     omega_rad_s: float
@@ -80,7 +102,6 @@ class Space:
 
 
 def linear_bounds(rate_terms: bool) -> tuple[Array, Array]:
-    """Bounds of k1, k3, alpha (and kv)."""
     keys = ["k1_Nm_rad", "k3_Nm_rad3", "alpha_Nm_rad"] + (["kv_Nm_rad"] if rate_terms else [])
     pairs = [bounds_of(k) for k in keys]
     return np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])

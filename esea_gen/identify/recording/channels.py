@@ -21,6 +21,7 @@ import numpy as np
 
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import MAX_DEAD_ZONE_RAD
+from esea_gen.identify.recording.conditions import least
 from esea_gen.identify.recording.mapping import FITTABLE, MappingFile
 from esea_gen.identify.recording.reading import (
     MIN_SAMPLES,
@@ -37,7 +38,6 @@ from esea_gen.identify.recording.resampling import (
     whole_conditions,
 )
 from esea_gen.identify.recording.tables import ToFit
-from esea_gen.identify.recording.temperatures import least
 from esea_gen.language.ports import Array
 
 LAG, BACKLASH, DEAD_ZONE = FITTABLE
@@ -87,8 +87,6 @@ class ChannelModel(Protocol):
 
 @dataclass(frozen=True)
 class ChannelNumber:
-    """A number that the mapping left to the fit."""
-
     key: str  # in the mapping file, as torque.lag_s
     value: float  # what is taken, s or rad; 0 where it is not known
     found: float | None  # None where it could not be asked
@@ -96,7 +94,6 @@ class ChannelNumber:
     why: str | None  # what keeps it from being taken: not known, or not seen; None for one that is
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready."""
         return vars(self) | {"status": "assumed" if self.why else "identified"}
 
     @property

@@ -10,16 +10,12 @@ marked ``assumed`` and appears as such in the device file.
 from __future__ import annotations
 
 import difflib
-import typing
 from collections.abc import Iterator
 from collections.abc import Mapping as Numbers
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from pydantic import BaseModel
-
-from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.numbers import Quantity, beyond, numbers_of
 from esea_gen.errors import UserError
 from esea_gen.identify.recording.tables import (
     ANGLE,
@@ -39,18 +35,6 @@ FITTABLE = ("torque.lag_s", "deflection.backlash_rad", "deflection.dead_zone_rad
 
 @dataclass(frozen=True)
 class MappingFile:
-    """A validated mapping with its origin.
-
-    Parameters
-    ----------
-    mapping : Mapping
-        Content.
-    origin : str
-        File name, for messages.
-    folder : Path
-        Folder that the recordings' paths are relative to.
-    """
-
     mapping: Mapping
     origin: str
     folder: Path
@@ -71,13 +55,6 @@ class MappingFile:
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
     def fittable(self) -> dict[str, Quantity | None]:
-        """Numbers that may be left to the fit.
-
-        Returns
-        -------
-        dict of str to Quantity
-            By table and key, as ``torque.lag_s``; None for a key that is not there.
-        """
         found = {}
         for name in FITTABLE:
             table, key = name.split(".")
@@ -85,18 +62,6 @@ class MappingFile:
         return found
 
     def settled(self, numbers: Numbers[str, Quantity | None]) -> MappingFile:
-        """The same with other numbers.
-
-        Parameters
-        ----------
-        numbers : mapping of str to Quantity
-            By table and key as in :meth:`fittable`; None for a key that is left out.
-
-        Returns
-        -------
-        MappingFile
-            Of the same origin.
-        """
         mapping = self.mapping
         for name, q in numbers.items():
             table, key = name.split(".")
@@ -105,18 +70,7 @@ class MappingFile:
         return replace(self, mapping=mapping)
 
     def paths(self) -> Iterator[tuple[Path, str, RecordingTable]]:
-        """Every file as (path, name as given, its table), patterns expanded and sorted.
-
-        Yields
-        ------
-        tuple
-            Path, name relative to the folder, table.
-
-        Raises
-        ------
-        UserError
-            When a file is missing, a pattern matches nothing, or a file is named twice.
-        """
+        """Every file as (path, name as given, its table), patterns expanded and sorted."""
         seen: set[Path] = set()
         for i, table in enumerate(self.mapping.recording):
             for name in table.files:
@@ -154,26 +108,6 @@ def _suggest(name: str, known: list[str]) -> str:
 
 
 def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> MappingFile:
-    """Read and validate a mapping file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The TOML file.
-    data_folder : str or Path, optional
-        Folder of the recordings; the mapping file's own when not given.
-
-    Returns
-    -------
-    MappingFile
-        Validated.
-
-    Raises
-    ------
-    UserError
-        When the file is missing or not TOML, or a key, unit, value or relation is wrong; the
-        message names file, key, value, limit and fix.
-    """
     path = Path(path)
     if not path.is_file():
         raise UserError(
@@ -188,56 +122,18 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 
 
 def parse_mapping(text: str, origin: str) -> Mapping:
-    """Validate the text of a mapping file.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-    origin : str
-        File name for messages.
-
-    Returns
-    -------
-    Mapping
-        Validated.
-
-    Raises
-    ------
-    UserError
-        As :func:`load_mapping`.
-    """
     document = parse_toml(text, origin, "docs/identify.md")
     mapping = checked(Mapping, document, origin, _fix, text)
-    for key, q, extra in _quantities(mapping):
-        if not extra["low"] <= q.value <= extra["high"]:
-            below = q.value < extra["low"]
-            raise UserError(
-                f"{origin}: {key} = {q.value:g} is {'below' if below else 'above'} its limit "
-                f"{extra['low'] if below else extra['high']:g} ({extra['text']})",
-                f"Give a value from {extra['low']:g} to {extra['high']:g}.",
-            )
+    for key, q, facts in numbers_of(mapping):
+        assert isinstance(q, Quantity)
+        problem = beyond(key, q.value, facts)
+        if problem is not None:
+            raise UserError(f"{origin}: {problem.what}", problem.fix)
     _check_units(origin, mapping)
     _check_sampling(origin, mapping)
     _check_temperature(origin, mapping)
     _check_text(origin, mapping)
     return mapping
-
-
-def _quantities(
-    table: BaseModel, prefix: str = ""
-) -> Iterator[tuple[str, Quantity, dict[str, Any]]]:
-    for key, field in type(table).model_fields.items():
-        value = getattr(table, key)
-        if isinstance(value, Quantity):
-            extra = typing.cast(dict[str, Any], field.json_schema_extra)
-            yield prefix + key, value, {**extra, "text": field.description}
-        elif isinstance(value, BaseModel):
-            yield from _quantities(value, f"{prefix}{key}.")
-        elif isinstance(value, list):
-            for i, row in enumerate(value):
-                if isinstance(row, BaseModel):
-                    yield from _quantities(row, f"{prefix}{key}[{i}].")
 
 
 def _check_units(origin: str, mapping: Mapping) -> None:

@@ -54,8 +54,6 @@ NO_LOSS, MOST_LAG = 1e-3, 51  # of the loop's box; steps between samples
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with a recording."""
-
     kind: str
     text: str
     stops: bool  # whether parameters that were fitted to it are not called identified

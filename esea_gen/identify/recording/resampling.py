@@ -122,7 +122,6 @@ class LeftOut:
         return np.where(self.unknown, np.inf, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready, apart from the deviations."""
         return {
             "assumes": "blocks left out in turn: the mean of the variances over cycles and over "
             "conditions; friction that shows is added",

@@ -27,8 +27,6 @@ NOTICE, GROWTH = 0.04, 1.21
 
 @dataclass(frozen=True)
 class PushRun:
-    """What a push came to."""
-
     generated_J: float = 0.0
     exchanged_J: float = 0.0
     absorbed_J: float = 0.0

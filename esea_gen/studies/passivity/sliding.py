@@ -8,9 +8,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from esea_gen.language.ports import Array
-from esea_gen.studies.passivity.region import Bools
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Setting
@@ -18,6 +18,7 @@ from esea_gen.twin.controllers import controller_system
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
+Bools = npt.NDArray[np.bool_]
 SLIDING_CASES = (
     ("tuning", "1.7 Nm 0.6 Hz"),
     ("grid", "4 Nm 0.5 Hz"),

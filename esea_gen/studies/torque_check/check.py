@@ -27,14 +27,15 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.files import plain
-from esea_gen.studies.torque_check.load import KnownLoad, require
 from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     REPEATS,
     SMALLEST_LOAD_PCT,
+    KnownLoad,
     ProcedureStep,
     load_range_Nm,
     procedure,
+    require,
 )
 
 if TYPE_CHECKING:
@@ -54,26 +55,10 @@ Verdict = Literal["pass", "fail", "incomplete"]
 
 @dataclass(frozen=True)
 class Measurement:
-    """What a recorded phase says.
-
-    Parameters
-    ----------
-    label : str
-        Its step.
-    mean_Nm, drift_Nm, noise_Nm : float
-        Mean, change along the straight line, standard deviation about it.
-    samples : int
-        How many.
-    start_s : float
-        Time of the first one, as recorded.
-    source : str
-        Where it comes from.
-    """
-
     label: str
     mean_Nm: float
-    drift_Nm: float
-    noise_Nm: float
+    drift_Nm: float  # change along the straight line
+    noise_Nm: float  # standard deviation about it
     samples: int
     start_s: float
     source: str
@@ -81,27 +66,11 @@ class Measurement:
 
 @dataclass(frozen=True)
 class CheckDecision:
-    """One comparison with a limit.
-
-    Parameters
-    ----------
-    criterion : str
-        Name of the limit.
-    steps : tuple of str
-        The phases that it is made of.
-    value_Nm : float
-        What was found.
-    limit_Nm : float
-        What it must not exceed, uncertainty taken off.
-    uncertainty_Nm : float
-        Expanded uncertainty that was taken off.
-    """
-
     criterion: str
     steps: tuple[str, ...]
     value_Nm: float
-    limit_Nm: float
-    uncertainty_Nm: float = 0.0
+    limit_Nm: float  # uncertainty taken off
+    uncertainty_Nm: float = 0.0  # expanded
 
     @property
     def passed(self) -> bool:
@@ -110,20 +79,6 @@ class CheckDecision:
 
 
 class TorqueCheck:
-    """A check under way.
-
-    Parameters
-    ----------
-    device : DeviceData
-        What is checked: full scale and domain.
-    known : KnownLoad
-        The load.
-    repeats : int
-        Loads in each direction.
-    settle_s, record_s : float
-        How long each phase is left to settle, and then recorded.
-    """
-
     def __init__(
         self,
         device: DeviceData,
@@ -173,13 +128,7 @@ class TorqueCheck:
             )
 
     def limit_Nm(self, name: str) -> float:
-        """A limit in Nm: of full scale, or of the known load where that is less.
-
-        Parameters
-        ----------
-        name : str
-            Criterion.
-        """
+        """A limit in Nm: of full scale, or of the known load where that is less."""
         limit = next(x for x in LIMITS if x.name == name)
         return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
 
@@ -193,23 +142,13 @@ class TorqueCheck:
 
     @property
     def missing(self) -> tuple[ProcedureStep, ...]:
-        """Phases still to be recorded."""
         return self.steps[len(self.measurements) :]
 
     def record(
         self, label: str, time_s: npt.ArrayLike, tau_Nm: npt.ArrayLike, source: str = ""
     ) -> Measurement:
-        """Take a recorded phase; the settling time at its start is left out.
-
-        Parameters
-        ----------
-        label : str
-            Its step, which must be the next one: the order matters, since rubber remembers.
-        time_s, tau_Nm : array_like
-            Samples, shape (n,).
-        source : str
-            Where they come from.
-        """
+        """Take the next phase; the settling time at its start is left out."""
+        # In the order of the procedure: rubber remembers.
         expected = self.next_step
         if expected is None or label != expected.label:
             come = f"the next one is {expected.label}" if expected else "all steps are recorded"
@@ -224,7 +163,6 @@ class TorqueCheck:
         return measured
 
     def undo(self) -> None:
-        """Take the last recorded phase back, to record it again."""
         if self.measurements:
             self.measurements.pop()
 
@@ -361,15 +299,7 @@ class TorqueCheck:
 
     @classmethod
     def resumed(cls, device: DeviceData, content: Mapping[str, Any]) -> TorqueCheck:
-        """A check as :meth:`to_dict` left it; its decisions are made again.
-
-        Parameters
-        ----------
-        device : DeviceData
-            The device, unchanged since.
-        content : mapping
-            From :meth:`to_dict`.
-        """
+        """A check as :meth:`to_dict` left it; its decisions are made again."""
         fresh = "Start a new check."
         if not isinstance(content, Mapping) or content.get("kind") != KIND:
             raise UserError("this is not the result of a torque check.", "Give its JSON file.")
@@ -404,7 +334,6 @@ class TorqueCheck:
         return check
 
     def report(self) -> list[str]:
-        """The result as lines of text for a person."""
         r, full = self.known, self.device.tau_full_scale_Nm
         angle = f", {math.degrees(r.angle_rad):g} deg off the horizontal" if r.angle_rad else ""
         lines = [
@@ -452,3 +381,36 @@ class TorqueCheck:
             lines.append(f"Next, {self.missing[0].label}: {self.missing[0].text}")
         lines.append(f"Verdict: {self.verdict.upper()}")
         return lines
+
+
+def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[str]:
+    """The procedure and its limits as lines of text; ``check`` once the load is known."""
+    low, high = load_range_Nm(device)
+    full = device.tau_full_scale_Nm
+    settle, record = (check.settle_s, check.record_s) if check else (SETTLE_S, RECORD_S)
+    lines = [f"Torque check of {device.name} ({device.title}), full scale {full:g} Nm"]
+    if check is None:
+        lines.append(
+            f"Choose a mass and an arm that give {low:.3g} to {high:.3g} Nm: at 0.2 m "
+            f"{math.ceil(1000 * low / 9.81 / 0.2) / 1000:g} to "
+            f"{math.floor(1000 * high / 9.81 / 0.2) / 1000:g} kg."
+        )
+    else:
+        r = check.known
+        lines.append(
+            f"Known load: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
+        )
+    lines.append(
+        f"Hold the motor still.  Each step: do it, wait {settle:g} s, record {record:g} s, both in "
+        "one recording."
+    )
+    steps = check.steps if check else procedure()
+    lines += [f"{i:3d}. {s.label:9}{s.text}" for i, s in enumerate(steps, 1)]
+    lines.append("Limits:")
+    lines += [
+        f"  {x.name}: {x.percent:g} % of full scale, {x.percent / 100 * full:.3g} Nm"
+        + (f", and {x.load_percent:g} % of the load" if x.load_percent else "")
+        + f"; {x.what}.  Why: {x.reason}."
+        for x in LIMITS
+    ]
+    return lines

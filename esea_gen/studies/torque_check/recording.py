@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -41,16 +39,6 @@ def read_recording(path: Path) -> CheckRecording:
     return CheckRecording(path.name, time_s, tau_Nm, step, table.report())
 
 
-def read_check(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UserError(
-            f"{path}: cannot be read as JSON ({reason}).", "Give the file that --json wrote."
-        ) from error
-
-
 Phase = tuple[str, int, int]  # a step's name, its first and its last sample
 
 
@@ -73,7 +61,6 @@ def _kinds(recording: CheckRecording, torque_Nm: float) -> list[Phase]:
 
 
 def apply_recording(check: TorqueCheck, recording: CheckRecording) -> tuple[Measurement, ...]:
-    """Record the phases of a recording, one after the other."""
     t = recording.time_s
     back = np.flatnonzero(np.diff(t) <= 0)
     if len(back):

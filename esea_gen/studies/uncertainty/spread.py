@@ -9,9 +9,8 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.identify.published.parameters import at_bound, bounds_of
-from esea_gen.identify.published.plant import ROWS_REFINE, FittedPlant
-from esea_gen.identify.published.uncertainty import uncertainty
+from esea_gen.identify.published.plant import ROWS_REFINE, FittedPlant, uncertainty
+from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.language.ports import Array

@@ -177,11 +177,8 @@ def _row(place: str, kind: str, of: Sequence[FaultRun]) -> FaultRow:
     lost = [r for r in of if r.found_ticks is None]
     bounds = {r.bound_ticks for r in of}
     return FaultRow(
-        place,
-        kind,
-        len(of),
-        len(found),
-        max((b for b in bounds if b is not None), default=None) if None not in bounds else None,
+        *(place, kind, len(of), len(found)),
+        None if None in bounds else max(b for b in bounds if b is not None),
         max((r.found_ticks for r in found if r.found_ticks is not None), default=None),
         max(r.torque_then_Nm for r in of),
         max(r.peak_torque_Nm for r in of),
@@ -291,27 +288,16 @@ def _judged(
     fault = BoardFault(case["place"], case["kind"], case["amount"], case["word"], case["byte"])
     found = None if values["found_ticks"] < 0 else int(values["found_ticks"])
     bound = bound_ticks(device, fault)
-    in_time = bound is None or (found is not None and found <= bound)
-    inside = (
-        in_time
-        and values["torque_then_Nm"] <= limits.torque_Nm
-        and values["peak_torque_Nm"] <= limits.run_out_Nm
-        and values["energy_J"] <= limits.energy_J
+    then_Nm, peak_Nm, energy_J = (
+        values[k] for k in ("torque_then_Nm", "peak_torque_Nm", "energy_J")
     )
-    told = {k: values[k] for k in ("torque_then_Nm", "peak_torque_Nm", "energy_J")}
+    in_time = bound is None or (found is not None and found <= bound)
+    gentle = then_Nm <= limits.torque_Nm and peak_Nm <= limits.run_out_Nm
     return FaultRun(
-        input=fault.input,
-        kind=fault.kind,
-        amount=fault.amount,
-        scene=case["scene"],
-        at_tick=case["at"],
-        seed=case["seed"],
-        detected=found is not None,
-        bound_ticks=bound,
-        found_ticks=found,
-        reason=int(values["reason"]),
-        inside=inside,
-        **told,
+        *(fault.input, fault.kind, fault.amount, case["scene"], case["at"], case["seed"]),
+        *(found is not None, bound, found, int(values["reason"])),
+        *(then_Nm, peak_Nm, energy_J),
+        in_time and gentle and energy_J <= limits.energy_J,
     )
 
 

@@ -144,14 +144,12 @@ class Distortion:
             "duplicate": lambda age, x: self._before[-1 - age % int(fault.amount)],
         }[fault.kind]
 
-    def sound(self, value: float) -> None:
-        """A value before the fault."""
-        self._before = [*self._before[-MOST_DELAY:], value]
-        self._held = value
-
     def __call__(self, age: int, value: float) -> float:
-        """The value in place of one, so many ticks after the fault began."""
+        """The value in place of one, so many ticks after the fault began; before, that value."""
         self._before = [*self._before[-MOST_DELAY:], value]
+        if age < 0:
+            self._held = value
+            return value
         return self._distort(age, value)
 
     def _moved(self, x: float, share: float) -> float:

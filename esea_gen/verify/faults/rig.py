@@ -137,7 +137,10 @@ class FaultRig:
         counts = plant.start()
         noise = np.random.default_rng([seed, 3]).standard_normal(at + AFTER)
         noise[:ACTIVE_AT] = 0.0  # a joint that is zeroed stands still
-        wrong = self._distortion(fault)
+        wrong = None
+        if fault is not None and fault.place in self.ranges:
+            wraps = fault.place.startswith("count_")
+            wrong = Distortion(fault, *self.ranges[fault.place], wraps)
         of_link = fault is not None and fault.place in self.wanted
         cut, found, reason = False, None, 0
         tau, power = [], []
@@ -149,7 +152,7 @@ class FaultRig:
                 assert fault is not None
                 place = self.measured.index(fault.place)
                 read = float(board.drivers[place]) if place in self._encoders else 0.0
-                board.drivers[place] = self._given(wrong, read, k, at)
+                board.drivers[place] = wrong(k - at, read)
             self._measure(dict(zip(self.measured, map(float, board.drivers), strict=False)))
             if k == at and fault is not None:
                 self._strike(fault)
@@ -179,17 +182,6 @@ class FaultRig:
             float(np.max(work - np.minimum.accumulate(work))),
         )
 
-    def _distortion(self, fault: BoardFault | None) -> Distortion | None:
-        if fault is None or fault.place not in self.ranges:
-            return None
-        return Distortion(fault, *self.ranges[fault.place], fault.place.startswith("count_"))
-
-    def _given(self, wrong: Distortion, value: float, k: int, at: int) -> float:
-        if k < at:
-            wrong.sound(value)
-            return value
-        return wrong(k - at, value)
-
     def _tell(
         self, scene: FaultScene, k: int, wrong: Distortion | None, fault: BoardFault | None, at: int
     ) -> None:
@@ -206,7 +198,7 @@ class FaultRig:
             wanted |= {of_axis("tau_desired_Nm", a): torque for a in self.device.axes}
             if wrong is not None and fault is not None:
                 place = fault.place
-                wanted[place] = self._given(wrong, wanted.get(place, 0.0), k, at)
+                wanted[place] = wrong(k - at, wanted.get(place, 0.0))
             board.want(**wanted)
 
     def _measure(self, readings: dict[str, float]) -> None:
@@ -221,13 +213,12 @@ class FaultRig:
             lib.sim_stop_line(True)
 
     def _tick(self, fault: BoardFault | None, age: int) -> None:
-        lib, clock = self.board.lib, fault is not None and fault.place == "clock"
-        assert not clock or fault is not None
-        starved = clock and fault is not None and fault.kind == "control starved"
-        lost = clock and fault is not None and fault.kind == "lost ticks" and age == 0
-        count = 1 + int(fault.amount) if lost and fault is not None else 1
+        lib, count, controls = self.board.lib, 1, True
+        if fault is not None and fault.place == "clock":
+            count += int(fault.amount) if fault.kind == "lost ticks" and age == 0 else 0
+            controls = fault.kind != "control starved" or age >= fault.amount
         lib.sim_measure(self.board.drivers)
-        lib.sim_tick(count, not (starved and fault is not None and age < fault.amount))
+        lib.sim_tick(count, controls)
         lib.sim_poll()
 
 

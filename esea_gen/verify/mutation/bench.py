@@ -19,22 +19,16 @@ from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.step_errors import Bound
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import find_compiler
+from esea_gen.hostlib.compiler import find_compiler, write_texts
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
-from esea_gen.language.stream import Stream
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
-from esea_gen.verify.coverage import recorded_arguments
 from esea_gen.verify.executor import (
     KernelTrajectory,
-    coefficients_of,
-    emitted_kernel,
     exact_trajectory,
     expected_setup,
-    float32_trajectory,
-    initial_state,
     setup_difference,
 )
 from esea_gen.verify.memories import other_memories
@@ -72,8 +66,7 @@ class Bench:
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
         texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
         texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
+        write_texts(folder, texts)
         self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
         for name, made in self.objects.items():
             self._gcc("-c", name, "-o", made, check=True)
@@ -110,19 +103,8 @@ class Bench:
         # Bit by bit only: there, formats may decide differently.
         dtype = self.fmt.dtype
         for stream in (at_the_limits(block, dtype), *other_memories(block, dtype)):
-            out.append(Judged(self._exact(block, stream), None))
+            out.append(Judged(exact_trajectory(block, self.library, stream, self.oracle), None))
         return out
-
-    def _exact(self, block: Block, stream: Stream) -> KernelTrajectory:
-        # As exact_trajectory, with the coefficients that the stream puts in.
-        if self.oracle is not None or not stream.coefficients:
-            return exact_trajectory(block, self.library, stream, self.oracle)
-        coefficients = coefficients_of(block, self.fmt, {})
-        _, trace = run_c(self.library.block(block.name), stream)
-        initial = initial_state(block, self.fmt, coefficients)
-        arguments = recorded_arguments(block, stream, trace, initial, coefficients, self.fmt)
-        kernel, _ = emitted_kernel(block, self.fmt)
-        return float32_trajectory(kernel, block, stream, arguments)
 
     # -- compiling -------------------------------------------------------------------------------
 

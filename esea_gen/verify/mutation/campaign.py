@@ -68,22 +68,15 @@ class MutationReport:
         }
 
 
-class _Provers:
-    # One for each kernel, made when it is asked for.
-
-    def __init__(self, fmt: Format) -> None:
-        self.fmt = fmt
-        self.made: dict[tuple[str, str], Prover] = {}
-
-    def __call__(self, mutant: Mutant) -> str:
-        if mutant.kernel is None or mutant.edit is None:
-            return ""
-        key = mutant.file, mutant.function
-        if key not in self.made:
-            block = mutant.block
-            step = block if isinstance(block, Block) and mutant.function == "step" else None
-            self.made[key] = Prover(mutant.kernel, self.fmt, step)
-        return self.made[key](mutant.edit)
+def _proof(mutant: Mutant, fmt: Format, made: dict[tuple[str, str], Prover]) -> str:
+    if mutant.kernel is None or mutant.edit is None:
+        return ""
+    key = mutant.file, mutant.function
+    if key not in made:
+        block = mutant.block
+        step = block if isinstance(block, Block) and mutant.function == "step" else None
+        made[key] = Prover(mutant.kernel, fmt, step)
+    return made[key](mutant.edit)
 
 
 def _chosen(
@@ -111,7 +104,7 @@ def run_mutation(
     report = MutationReport(device.name, real)
     kinds: Counter[str] = Counter()
     caught: Counter[str] = Counter()
-    prove = _Provers(FORMATS[real])
+    provers: dict[tuple[str, str], Prover] = {}
     files = {f"esea_{device.name}_{b.name}.c" for b in touched} if blocks else None
     chosen = _chosen(device, real, sample, seed, files)
     used = [b for b in touched if any(m.block is b for m in chosen)]
@@ -128,7 +121,7 @@ def run_mutation(
                     continue
                 report.tried += 1
                 kinds[mutant.kind] += 1
-                proof = prove(mutant)
+                proof = _proof(mutant, FORMATS[real], provers)
                 if bench.difference(library, mutant):
                     report.killed += 1
                     caught[mutant.kind] += 1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import casadi as ca
 
@@ -66,19 +67,17 @@ def _groups(block: Block, function: str) -> list[Elements]:
     return groups
 
 
-def _edited(block: Block, function: str, kernel: Kernel, labels: Labels, edit: Edit) -> Text:
-    def text(renderer: Renderer) -> str:
-        changed, place = edit.apply(kernel)
-        names = {place[i]: label for i, label in labels.items()}
-        assert isinstance(renderer.fmt, FloatingFormat)
-        printed = renderer.fmt.function(block, function, changed, names)
-        emitted: Any = renderer.emitted[block.name]
-        emitted = replace(emitted, **{function: printed})
-        if function == "step":
-            emitted = replace(emitted, stores=early_stores(block, printed))
-        return renderer.render(emitted.template, e=emitted)
-
-    return text
+def _edited(
+    block: Block, function: str, kernel: Kernel, labels: Labels, edit: Edit, renderer: Renderer
+) -> str:
+    changed, place = edit.apply(kernel)
+    names = {place[i]: label for i, label in labels.items()}
+    assert isinstance(renderer.fmt, FloatingFormat)
+    printed = renderer.fmt.function(block, function, changed, names)
+    emitted: Any = replace(cast(Any, renderer.emitted[block.name]), **{function: printed})
+    if function == "step":
+        emitted = replace(emitted, stores=early_stores(block, printed))
+    return renderer.render(emitted.template, e=emitted)
 
 
 def _kernel_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
@@ -87,7 +86,7 @@ def _kernel_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
         words = block.flag_results if function == "step" else ()
         for edit in kernel_edits(kernel, fmt, _groups(block, function), words):
             place = describe(kernel, {i: name for i, (name, _) in labels.items()}, edit)
-            text = _edited(block, function, kernel, labels, edit)
+            text = partial(_edited, block, function, kernel, labels, edit)
             yield Mutant(file, function, edit.kind, place, block, text, kernel, edit)
 
 
@@ -104,17 +103,17 @@ def _port_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
         if len(ports) < 2:
             continue  # of one alone, nothing is tried
         for k, p in enumerate(ports):
-            without = _with_ports(block, function, group, ports, (first + k, None))
+            without = partial(_with_ports, block, function, group, ports, (first + k, None))
             place = f"{group} {p.name}"
             yield Mutant(file, function, "assignment dropped", place, block, without)
             others = [q for q in (*ports[k + 1 :], *ports[:k]) if q.size == p.size and not q.flags]
             if others and not p.flags:
                 wrong = (*ports[:k], replace(p, name=others[0].name), *ports[k + 1 :])
-                text = _with_ports(block, function, group, wrong, None)
+                text = partial(_with_ports, block, function, group, wrong, None)
                 place += f" to {others[0].name}"
                 yield Mutant(file, function, "written to the wrong field", place, block, text)
             for e in (e for e in range(p.size - 1) if rows[k][e] != rows[k][e + 1]):
-                text = _with_ports(block, function, group, ports, (first + k, e))
+                text = partial(_with_ports, block, function, group, ports, (first + k, e))
                 place = f"{group} {p.name}[{e}] and [{e + 1}]"
                 yield Mutant(file, function, "written to the wrong element", place, block, text)
 
@@ -125,26 +124,24 @@ def _with_ports(
     group: str,
     ports: tuple[Any, ...],
     result: tuple[int, int | None] | None,
-) -> Text:
+    renderer: Renderer,
+) -> str:
     # ``result``: the one that is not written, or of which an element and the next change places.
-    def text(renderer: Renderer) -> str:
-        emitted: Any = renderer.emitted[block.name]
-        printed = getattr(emitted, function)
-        rows = list(printed.results)
-        if result is not None:
-            k, e = result
-            row = rows[k]
-            rows[k] = () if e is None else (*row[:e], row[e + 1], row[e], *row[e + 2 :])
-        changed = replace(printed, results=tuple(rows))
-        parts: dict[str, Any] = {group: ports}
-        other = replace(block, **parts)
-        if (function, group) == ("step", "state"):  # stored among the statements
-            emitted = replace(emitted, stores=early_stores(other, changed))
-        else:
-            emitted = replace(emitted, block=other, **{function: changed})
-        return renderer.render(emitted.template, e=emitted)
-
-    return text
+    emitted: Any = renderer.emitted[block.name]
+    printed = getattr(emitted, function)
+    rows = list(printed.results)
+    if result is not None:
+        k, e = result
+        row = rows[k]
+        rows[k] = () if e is None else (*row[:e], row[e + 1], row[e], *row[e + 2 :])
+    changed = replace(printed, results=tuple(rows))
+    parts: dict[str, Any] = {group: ports}
+    other = replace(block, **parts)
+    if (function, group) == ("step", "state"):  # stored among the statements
+        emitted = replace(emitted, stores=early_stores(other, changed))
+    else:
+        emitted = replace(emitted, block=other, **{function: changed})
+    return renderer.render(emitted.template, e=emitted)
 
 
 _COUNTERS = {
@@ -159,19 +156,16 @@ def _counter_mutants(block: Block, file: str) -> Iterator[Mutant]:
     for port in block.outputs:
         for flag in port.flags:
             for kind, form in _COUNTERS.items() if flag.counted else ():
-                text = _with_counter(block, flag, form)
+                text = partial(_with_counter, block, flag, form)
                 yield Mutant(file, "step", kind, flag.name, block, text)
 
 
-def _with_counter(block: Block, flag: Flag, form: str) -> Text:
-    def text(renderer: Renderer) -> str:
-        def line(owner: Block, port: Port, now: Flag) -> str:
-            return renderer.counter(owner, port, now, form if now is flag else COUNTER)
+def _with_counter(block: Block, flag: Flag, form: str, renderer: Renderer) -> str:
+    def line(owner: Block, port: Port, now: Flag) -> str:
+        return renderer.counter(owner, port, now, form if now is flag else COUNTER)
 
-        emitted: Any = renderer.emitted[block.name]
-        return renderer.render(emitted.template, e=emitted, counter=line)
-
-    return text
+    emitted: Any = renderer.emitted[block.name]
+    return renderer.render(emitted.template, e=emitted, counter=line)
 
 
 def _program_mutants(program: Program, file: str, fmt: Format) -> Iterator[Mutant]:
@@ -187,17 +181,16 @@ def _program_mutants(program: Program, file: str, fmt: Format) -> Iterator[Mutan
         group = [(k, e) for k, size in enumerate(sizes) for e in range(size)]
         for edit in kernel_edits(kernel, fmt, [group], sorted(words[id(function)])):
             place = describe(kernel, {}, edit)
-            text = _with_kernel(program, function, kernel, edit)
+            text = partial(_with_kernel, program, function, kernel, edit)
             yield Mutant(file, name, edit.kind, place, program, text, kernel, edit)
 
 
-def _with_kernel(program: Program, function: ca.Function, kernel: Kernel, edit: Edit) -> Text:
-    def text(renderer: Renderer) -> str:
-        changed, _ = edit.apply(kernel)
-        emitted = emit_program(program, renderer.fmt, {id(function): changed})
-        return renderer.render(emitted.template, e=emitted)
-
-    return text
+def _with_kernel(
+    program: Program, function: ca.Function, kernel: Kernel, edit: Edit, renderer: Renderer
+) -> str:
+    changed, _ = edit.apply(kernel)
+    emitted = emit_program(program, renderer.fmt, {id(function): changed})
+    return renderer.render(emitted.template, e=emitted)
 
 
 def mutants(device: Device, real: str) -> list[Mutant]:

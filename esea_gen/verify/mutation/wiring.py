@@ -28,13 +28,12 @@ def _changed(system: System, **parts: Any) -> System:
     return other
 
 
-def _printed(other: System, **context: Any) -> Callable[[Renderer], str]:
+def _printed(other: System) -> Callable[[Renderer], str]:
     def text(renderer: Renderer) -> str:
         # Names and sources come from the System that the renderer holds.
         changed = copy.copy(renderer)
         changed.system = other
-        made = {"system": other, "feed": changed.feed} | context
-        return changed.render(TEMPLATE, **made)
+        return changed.render(TEMPLATE, system=other, feed=changed.feed)
 
     return text
 

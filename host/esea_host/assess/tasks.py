@@ -170,7 +170,6 @@ class ProbeTask(_KneeTask):
     """The most telling movement: shown twice, then followed; again where it was missed."""
 
     name = "knee-probe"
-    title = "The movement of the knee that would tell most"
     Parameters = ProbeParameters
     columns = (
         DataColumn("asked_rad", float, "bending that was asked for"),
@@ -292,7 +291,6 @@ class PendulumTask(_FirstDayTask):
     """Wartenberg's pendulum test: the leg is let go from a straight knee."""
 
     name = "knee-pendulum"
-    title = "Pendulum test of the knee"
     Parameters = PendulumParameters
     inputs: ClassVar = {"angle_rad": INPUTS["angle_rad"]}
     columns = (
@@ -328,7 +326,6 @@ class RangeTask(_FirstDayTask):
     """Passive range of motion: bent and straightened slowly, torque over angle."""
 
     name = "knee-range"
-    title = "Passive range of motion of the knee"
     Parameters = LoopParameters
     columns = (
         DataColumn("low_rad", float, "least bending"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -36,7 +36,7 @@ GROUPS = {
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
     "People, studies and what comes of them": {
-        "study": "study session wrist",
+        "study": "study study_data session wrist",
         "assess": "assess",
         "analyse": "interaction wrist",
         "smoothness": "interaction",
@@ -88,6 +88,13 @@ def say(lines: Iterable[object]) -> None:
 def told(text: str) -> None:
     """What is being done, while it is: beside the result, not in it."""
     print(shown_lines(text), file=sys.stderr, flush=True)
+
+
+def say_left_out(lines: Sequence[str]) -> None:
+    """What is not used, and why, before anything else."""
+    out.print("Left out:" if lines else "Nothing is left out.")
+    for line in lines:
+        out.print(f"  {line}")
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ import typer
 from esea_gen.cli.options import option
 from esea_gen.device import board_device
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.cli.app import app, out, say
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.cli.view import need_a_screen

@@ -15,6 +15,7 @@ from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import read_table
 from esea_host.cli.app import app, out, say
 from esea_host.cli.options import JsonOption, ReportOption
+from esea_host.cli.study import FolderArgument, opened, study_app
 
 analyse = typer.Typer(cls=WholeSentences, help="Analyse what was recorded.", no_args_is_help=True)
 app.add_typer(analyse, name="analyse")
@@ -91,6 +92,21 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     say(found.lines())
     write_json(json_file, "host-survey", found.to_dict())
     _draw(figure, diverging_bars(found))
+
+
+@study_app.command("survey")
+def survey_page(
+    folder: FolderArgument,
+    to: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
+    language: Annotated[
+        str, typer.Option("--language", help="en, de, or one that the study brings.")
+    ] = "",
+) -> None:
+    """Write the questions at the end of the interaction study as a page to print."""
+    from esea_host.interaction.survey import survey_form
+
+    write_whole(to, survey_form(opened(folder, runs=False).protocol.words(language)))
+    out.print(f"{to} is written; answers go to esea-host analyse survey")
 
 
 @analyse.command()

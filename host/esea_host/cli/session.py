@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from pathlib import Path
-from types import SimpleNamespace as Asked
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,6 +20,7 @@ from esea_host.cli.options import KeyOption
 from esea_host.cli.study import (
     CodeArgument,
     FolderArgument,
+    OperatorOption,
     SessionOption,
     TrustOption,
     opened,
@@ -49,16 +50,16 @@ class PatchMode(StrEnum):
 
 
 DeviceOption = Annotated[
-    str,
+    str | None,
     option(
         "--device",
-        "simulated: each task's own person; virtual: a person in the virtual device; pointer: "
-        "you, moving that person's hand with the mouse; or a board: serial:..., tcp:..., "
-        "sim:wrist_drive with a person in it",
+        "A study of real people has no default. simulated: each task's own person; virtual: "
+        "a person in the virtual device; pointer: you, moving that person's hand with the mouse; "
+        "or a board: serial:..., tcp:..., sim:wrist_drive with a person in it",
     ),
 ]
 HeadlessOption = Annotated[bool, option("--headless", "Without windows.")]
-SeedOption = Annotated[int, option("--seed", "Of the simulated participant.")]
+SeedOption = Annotated[int | None, option("--seed", "Of the simulated participant; default: 1.")]
 SpeedOption = Annotated[
     float, option("--speed", "In windows: simulated time against the clock's.", min=0.1)
 ]
@@ -70,6 +71,33 @@ MassOption = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class _Asked:
+    device: str
+    key: Path | None
+    arm: bool
+    headless: bool
+    seed: int
+    speed: float
+    language: str
+    patch: PatchMode
+    dark: bool | None
+    close: bool
+    hold: bool
+    early: str
+    mass: float | None
+    lever: float | None
+    log: Path
+    rehearsal: bool
+    opening: str
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """With what resume goes on."""
+        names = ("device", "seed", "arm", "mass", "lever")
+        return {n: x for n in names if (x := getattr(self, n)) is not None}
+
+
 @study_app.command(
     "resume", help="Show what an interrupted session holds, and go on with it in the planned order."
 )
@@ -79,15 +107,17 @@ def run(
     folder: FolderArgument,
     code: CodeArgument,
     session: SessionOption = 1,
-    device: DeviceOption = SIMULATED,
+    device: DeviceOption = None,
     key: KeyOption = None,
     arm: Annotated[
         bool, option("--arm", "A board: zero and arm it first; it is asked for 0 Nm.")
     ] = False,
     headless: HeadlessOption = False,
-    seed: SeedOption = 1,
+    seed: SeedOption = None,
     speed: SpeedOption = 1.0,
-    language: Annotated[str, option("--language", "Of what the participant reads: en, de.")] = "en",
+    language: Annotated[
+        str, option("--language", "Of both windows: en, de; default: the protocol's.")
+    ] = "",
     patch: Annotated[
         PatchMode, option("--patch", "Square for a photodiode: with every frame, or at an onset.")
     ] = PatchMode.off,
@@ -103,12 +133,26 @@ def run(
     lever: Annotated[
         float | None, option("--lever", "m, from the joint to where it hangs.", min=0.01)
     ] = None,
+    rehearsal: Annotated[
+        bool, option("--rehearsal", "Try the session out, with any device; it counts for nobody.")
+    ] = False,
+    opening: Annotated[
+        str,
+        option(
+            "--open CODE",
+            "First session: opening code of the participant's place, or the sealed list.",
+        ),
+    ] = "",
     trust: TrustOption = None,
+    operator: OperatorOption = "",
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
-    asked = Asked(**locals())  # every option, by its name
-    study = opened(folder, trust)
+    study = opened(folder, trust, operator=operator)
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
+    if rehearsal and begun:
+        raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
+    if rehearsal:
+        path = study.new_rehearsal(session - 1)
     if begun and not path.exists():
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     if path.exists() and not begun:
@@ -117,7 +161,43 @@ def run(
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
         )
     if not begun or _remains(path):
+        former = _recorded(path) if begun else {}
+        device = _device(study, device, former.get("device"), rehearsal)
+        arm, seed = arm or bool(former.get("arm")), former.get("seed", 1) if seed is None else seed
+        mass, lever = mass or former.get("mass"), lever or former.get("lever")
+        asked = _Asked(
+            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
+            mass, lever, path, rehearsal, opening,
+        )  # fmt: skip
         _run(study, code, session, asked)
+
+
+def _recorded(path: Path) -> dict[str, Any]:
+    from esea_host.study.session import read_session
+
+    return dict(read_session(path).about.get("device", {}))
+
+
+def _nobody(device: str) -> bool:
+    return device in (SIMULATED, VIRTUAL, POINTER) or device.startswith("sim:")
+
+
+def _device(study: StudyFolder, given: str | None, former: str | None, rehearsal: bool) -> str:
+    # As the session was begun; a board may have got another address meanwhile.
+    if given and former and given != former and (_nobody(given) or _nobody(former)):
+        raise UserError(
+            f"The session was begun with --device {former}, not {given}.",
+            "Leave --device out: it goes on with the same.",
+        )
+    device = given or former or (SIMULATED if study.simulated or rehearsal else "")
+    if not device:
+        raise UserError(
+            f"{study.path} is a study of real people: no device is the default.",
+            "Name the board: --device serial:... or tcp:...; to try the session out: --rehearsal.",
+        )
+    if not rehearsal and not study.simulated and _nobody(device):
+        study.must_suit(simulated=True)
+    return device
 
 
 def _remains(path: Path) -> bool:
@@ -136,10 +216,8 @@ def _remains(path: Path) -> bool:
     return bool(state.remaining)
 
 
-def _run(study: StudyFolder, code: str, number: int, asked: Asked) -> None:
-    from esea_host.study.scene import catalogue
-
-    catalogue(asked.language)
+def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
+    study.protocol.words(asked.language)
     if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
         raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:
@@ -150,21 +228,23 @@ def _run(study: StudyFolder, code: str, number: int, asked: Asked) -> None:
     try:
         with ExitStack() as held:
             source, board = _source(held, study, code, number, asked, lambda: pointed[0])
+            if not asked.rehearsal and (told := study.disclose(code, asked.opening)):
+                out.print(told)
             if asked.headless:
-                state, reason = _headless(study, code, number - 1, source, asked.early)
+                state, reason = _headless(study, code, number - 1, source, asked)
             else:
                 given = study, code, number - 1, source, board, asked, pointed
                 state, reason = _in_windows(*given)
     except OSError as error:
         raise UserError(
-            f"{study.log_of(code, number - 1)}: cannot be written ({error.strerror or error}).",
+            f"{asked.log}: cannot be written ({error.strerror or error}).",
             "What was written before is whole; make room, then go on with study resume.",
         ) from None
-    if asked.device != SIMULATED and study.protocol.file.groups:
+    if not asked.rehearsal and asked.device != SIMULATED and study.protocol.file.groups:
         _name_recordings(study)
     done = len(state.plan.trials) - len(state.remaining)
-    nobody = asked.device in (SIMULATED, VIRTUAL) or asked.device.startswith("sim:")
-    whose = "Simulated participant: " if nobody else ""
+    whose = "REHEARSAL: " if asked.rehearsal else ""
+    whose += "Simulated participant: " if state.simulated else ""
     out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
     if reason:
         raise UserError(
@@ -173,9 +253,9 @@ def _run(study: StudyFolder, code: str, number: int, asked: Asked) -> None:
 
 
 def _headless(
-    study: StudyFolder, code: str, number: int, source: InputSource, early: str
+    study: StudyFolder, code: str, number: int, source: InputSource, asked: _Asked
 ) -> tuple[SessionState, str]:
-    session = study.session(code, number, source, _today(study), early)
+    session = study.session(code, number, source, *_opening(study, asked))
     try:
         reason = session.run()
         study.finish(code, number, session)
@@ -184,9 +264,10 @@ def _headless(
     return session.state, reason
 
 
-def _today(study: StudyFolder) -> int | None:
+def _opening(study: StudyFolder, asked: _Asked) -> tuple[Any, ...]:
     # Simulated people need no washout.
-    return None if study.simulated else date.today().toordinal()
+    day = None if study.simulated else date.today().toordinal()
+    return day, asked.early, asked.log if asked.rehearsal else None, asked.recorded
 
 
 def _in_windows(
@@ -195,17 +276,16 @@ def _in_windows(
     number: int,
     source: InputSource,
     board: ConnectedDevice | None,
-    asked: Asked,
+    asked: _Asked,
     pointed: list[tuple[float, float]],
 ) -> tuple[SessionState, str]:
     from esea_host.study.conductor import Conductor
-    from esea_host.study.session import read_session
     from esea_host.windows.study.running import run_windows
 
     # A board has its own clock: it is waited for anyhow.
     speed = asked.speed if board is None else math.inf
-    given = study, code, number, source, speed, asked.hold, _today(study), asked.early
-    conductor = Conductor(*given)
+    given = study, code, number, source, speed, asked.hold
+    conductor = Conductor(*given, *_opening(study, asked))
 
     def point(place: tuple[float, float]) -> None:
         pointed[0] = place
@@ -213,12 +293,13 @@ def _in_windows(
     run_windows(conductor, board, asked.language, asked.dark, asked.patch.value, asked.close, point)
     if conductor.error is not None:
         raise conductor.error
-    return read_session(study.log_of(code, number)), conductor.reason
+    return conductor.state, conductor.reason
 
 
 def _name_recordings(study: StudyFolder) -> None:
     # What the rig or the board has recorded, for analyse interaction.
-    from esea_host.interaction.recordings import cut_trials, recording_name
+    from esea_host.interaction.from_board import cut_trials
+    from esea_host.interaction.recordings import recording_name
     from esea_host.interaction.virtual import LAST_S, write_manifest
 
     cut_trials(study)
@@ -227,18 +308,13 @@ def _name_recordings(study: StudyFolder) -> None:
 
 
 def _source(
-    held: ExitStack,
-    study: StudyFolder,
-    code: str,
-    number: int,
-    asked: Asked,
-    pointer: Pointer,
+    held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
 ) -> tuple[InputSource, ConnectedDevice | None]:
     from esea_host.study.source import SimulatedSource
 
     if asked.device == SIMULATED:
         return SimulatedSource(asked.seed), None
-    folder = study.log_of(code, number - 1).parent
+    folder = asked.log.parent
     if asked.device in (VIRTUAL, POINTER):
         by_hand = pointer if asked.device == POINTER else None
         source = _virtual(study, code, folder, asked.seed, by_hand)
@@ -266,8 +342,8 @@ def _source(
     return source, board
 
 
-def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: Asked) -> InputSource:
-    from esea_gen.studies.torque_check.load import KnownLoad
+def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
+    from esea_gen.studies.torque_check.procedure import KnownLoad
     from esea_host.interaction.on_board import ElementBoard, ProcessHands
 
     if (asked.mass is None) != (asked.lever is None):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
+from contextlib import closing
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,7 +20,6 @@ from esea_host.cli.options import KeyOption, know_shipped_tasks
 if TYPE_CHECKING:
     from esea_gen.device import Device
     from esea_host.study.folder import StudyFolder
-    from esea_host.study.session import StudySession
 
 study_app = typer.Typer(
     cls=WholeSentences,
@@ -29,10 +30,9 @@ study_app = typer.Typer(
 app.add_typer(study_app, name="study")
 
 
-class ExportForm(StrEnum):
-    rows = "rows"
-    parquet = "parquet"
-    bids = "bids"
+class EventKind(StrEnum):
+    deviation = "deviation"
+    adverse = "adverse"
 
 
 TaskOption = Annotated[
@@ -49,6 +49,16 @@ TrustOption = Annotated[
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
 CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
 SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which session.")]
+OperatorOption = Annotated[
+    str,
+    typer.Option(
+        "--operator",
+        metavar="NAME",
+        envvar="ESEA_OPERATOR",
+        help="Who does it, for the record; a real study asks for it.",
+    ),
+]
+ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
 
 
 @study_app.command("check")
@@ -97,20 +107,32 @@ def create(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Protocol file.")],
     folder: FolderArgument,
     task: TaskOption = None,
-    simulated: Annotated[bool, typer.Option("--simulated", help="No real people in it.")] = False,
+    simulated: Annotated[
+        bool | None,
+        typer.Option(
+            "--simulated/--real", help="Whether people take part; it cannot be changed later."
+        ),
+    ] = None,
     trust: TrustOption = None,
+    operator: OperatorOption = "",
 ) -> None:
-    """Make a study's folder from a protocol."""
+    """Make a study's folder from a protocol, of real people or a simulated one."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.protocol import load_protocol
 
+    if simulated is None:
+        raise UserError(
+            "Is it a study of real people, or a simulated one? All its data is marked accordingly.",
+            "Give --real or --simulated.",
+        )
     trusted(trust)
     know_shipped_tasks()
     protocol = load_protocol(file, task or [])
     with new_whole(folder) as scratch:
-        StudyFolder.create(scratch, protocol, simulated)
+        StudyFolder.create(scratch, protocol, simulated, by=operator)
     trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
-    out.print(f"{folder}: ready; next: esea-host study enrol {folder} P01 --consent")
+    kind, form = ("SIMULATED", "") if simulated else ("real", " --form VERSION")
+    out.print(f"{folder}: {kind}; next: esea-host study enrol {folder} P01 --consent{form}")
 
 
 @study_app.command("enrol")
@@ -120,15 +142,25 @@ def enrol(
     consent: Annotated[
         bool, typer.Option("--consent", help="The participant's written consent is there.")
     ] = False,
+    form: Annotated[
+        str, typer.Option("--form", metavar="VERSION", help="Version of the consent form.")
+    ] = "",
+    date: Annotated[
+        str, typer.Option("--date", help="When it was signed, as 2026-11-26; default: today.")
+    ] = "",
+    obtained_by: Annotated[
+        str, typer.Option("--obtained-by", help="Who obtained the consent; default: the operator.")
+    ] = "",
+    stratum: Annotated[
+        list[str] | None,
+        typer.Option("--stratum", metavar="FACTOR=LEVEL", help="Of the allocation; one each."),
+    ] = None,
+    operator: OperatorOption = "",
 ) -> None:
-    """Take a participant in, by code."""
-    study = opened(folder, runs=False)
-    study.enrol(code, consent)
-    group = study.group_shown(code, "operator")
-    out.print(f"{code} enrolled; group: {group or 'none'}")
-
-
-ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
+    """Take a participant in, by code; a group is disclosed at the first session."""
+    study = opened(folder, runs=False, operator=operator)
+    study.enrol(code, consent, form, date, obtained_by, stratum or ())
+    out.print(f"{code} enrolled")
 
 
 @study_app.command(
@@ -143,24 +175,63 @@ def skip(
     session: SessionOption = 1,
     reason: ReasonOption = "",
     trust: TrustOption = None,
+    operator: OperatorOption = "",
 ) -> None:
     """Leave a trial of an interrupted session out."""
-    begun = _begun(folder, code, session, trust)
-    if context.info_name == "repeat":
-        begun.repeat(trial, reason)
-        out.print(f"{code}: trial {trial} comes again with study resume")
-    else:
-        begun.skip(trial, reason)
-        out.print(f"{code}: trial {trial} is left out")
+    study = opened(folder, trust, operator=operator)
+    with closing(study.session(code, session - 1, None)) as begun:
+        if context.info_name == "repeat":
+            begun.repeat(trial, reason)
+            out.print(f"{code}: trial {trial} comes again with study resume")
+        else:
+            begun.skip(trial, reason)
+            out.print(f"{code}: trial {trial} is left out")
 
 
-def _begun(folder: Path, code: str, number: int, trust: list[str] | None) -> StudySession:
-    from esea_host.study.source import SimulatedSource
+@study_app.command("event")
+def event(
+    folder: FolderArgument,
+    kind: Annotated[EventKind, typer.Argument(metavar="KIND", help="deviation or adverse.")],
+    text: Annotated[str, typer.Argument(metavar="TEXT", help="What happened, without names.")],
+    participant: Annotated[
+        str, typer.Option("--participant", metavar="CODE", help="To whom; default: nobody.")
+    ] = "",
+    session: Annotated[
+        int | None, typer.Option("--session", min=1, help="In which session.")
+    ] = None,
+    severity: Annotated[
+        str, typer.Option("--severity", help="mild, moderate, severe, life-threatening, fatal.")
+    ] = "",
+    relation: Annotated[
+        str,
+        typer.Option("--relation", help="To the device: not-related, possible, probable, causal."),
+    ] = "",
+    action: Annotated[str, typer.Option("--action", help="What was done about it.")] = "",
+    operator: OperatorOption = "",
+) -> None:
+    """Record a deviation from the protocol, or an adverse event."""
+    study = opened(folder, runs=False, operator=operator)
+    given: dict[str, Any] = {"participant": participant, "text": text}
+    if participant and participant not in study.participants():
+        raise UserError(f"{participant} is not in this study.", "Name a participant of it.")
+    given |= {} if session is None else {"session": session - 1}
+    more = {"severity": severity, "relation": relation, "action": action}
+    if kind is EventKind.adverse:
+        given |= more
+    elif unused := [f"--{n}" for n, x in more.items() if x]:
+        raise UserError(f"{', '.join(unused)}: of adverse events.", "Leave it out.")
+    study.record(kind.value, **given)
+    out.print(f"{folder}: {kind.value} recorded")
 
-    study = opened(folder, trust)
-    if not study.log_of(code, number - 1).exists():
-        raise UserError(f"{code} has not begun session {number}.", "Name one that was begun.")
-    return study.session(code, number - 1, SimulatedSource(0))
+
+@study_app.command("repair")
+def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> None:
+    """Move what is behind a break of a log aside, so that the study can go on; nothing is lost."""
+    from esea_host.study.repair import repair
+
+    said = repair(opened(folder, runs=False, operator=operator))
+    for line in said or ["Every log holds: nothing was changed."]:
+        out.print(line)
 
 
 @study_app.command("replay")
@@ -202,50 +273,18 @@ def replay_command(
 def audit(folder: FolderArgument) -> None:
     """Check every log's chain, the protocol and the tasks; list what was done.  Runs no code."""
     study = opened(folder, runs=False)
-    for kind, data in study.audited_anyway():
-        out.print(kind + "".join(f" {k}={v}" for k, v in data.items() if k != "content"))
+    for e in study.trail(strict=False):
+        told = "".join(f" {k}={v}" for k, v in e.data.items() if k not in ("content", "program"))
+        out.print(f"{e.utc or 'no time'} ({e.clock or 'clock unknown'}) {e.by}: {e.kind}{told}")
     for name, digest in study.content().items():
         out.print(f"{name}: SHA-256 {digest}")
     if not study.content_at_first():
         out.print("Protocol and tasks were not recorded when the study was created: not checked.")
     problems = study.problems()
     if problems:
-        raise UserError(f"{folder}: {'; '.join(problems)}.", "Restore these files from a copy.")
+        fix = "Restore these files from a copy; a broken log: esea-host study repair FOLDER."
+        raise UserError(f"{folder}: {'; '.join(problems)}.", fix)
     out.print("Every log is as it was written.")
-
-
-@study_app.command("delete")
-def delete(
-    folder: FolderArgument,
-    code: CodeArgument,
-    reason: ReasonOption = "",
-) -> None:
-    """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
-    if not reason:
-        raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(f"{code}: {opened(folder, runs=False).delete(code, reason)} files deleted")
-
-
-@study_app.command("export")
-def export(
-    folder: FolderArgument,
-    to: Annotated[Path, typer.Argument(metavar="OUT", help="A new folder.")],
-    seed: Annotated[int, typer.Option("--seed", help="Of the order of the new codes.")] = 0,
-    as_: Annotated[
-        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
-    ] = ExportForm.rows,
-    trust: TrustOption = None,
-) -> None:
-    """Write scrubbed data for others: new codes, no notes, no times of day."""
-    from esea_host.study.exchange import to_bids, to_parquet
-    from esea_host.study.folder import StudyFolder
-
-    study = opened(folder, trust, runs=as_ is ExportForm.bids)
-    forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet}
-    written = forms.get(as_, StudyFolder.export)(study, to, seed)
-    out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
-    if study.left_out:
-        raise typer.Exit(1)
 
 
 def trusted(hashes: Iterable[str] | None) -> None:
@@ -254,7 +293,9 @@ def trusted(hashes: Iterable[str] | None) -> None:
     trust(hashes or ())
 
 
-def opened(folder: Path, trust: list[str] | None = None, runs: bool = True) -> StudyFolder:
+def opened(
+    folder: Path, trust: list[str] | None = None, runs: bool = True, operator: str = ""
+) -> StudyFolder:
     """A study's folder, with every shipped task known; runs: whether its trusted tasks are run."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.trust import inside
@@ -263,4 +304,5 @@ def opened(folder: Path, trust: list[str] | None = None, runs: bool = True) -> S
     know_shipped_tasks()
     for link in (p for p in folder.rglob("*") if p.is_symlink()):
         inside(folder, link.relative_to(folder), str(folder))
-    return StudyFolder.open(folder, runs=runs)
+    by = operator or os.environ.get("ESEA_OPERATOR", "")
+    return StudyFolder.open(folder, runs=runs, by=by)

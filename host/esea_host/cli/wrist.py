@@ -15,7 +15,7 @@ from rich.table import Table
 from esea_gen.cli.options import ClusterOption, JobsOption, option
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.cli.app import out, told
+from esea_host.cli.app import out, say_left_out, told
 from esea_host.cli.interaction import analyse as analyse_app
 from esea_host.cli.interaction import checked_page, shown_interaction
 from esea_host.cli.options import JsonOption, ReportOption, know_shipped_tasks, output_file
@@ -188,11 +188,14 @@ def analyse_wrist(
     to_json: JsonOption = None,
     report: ReportOption = None,
     csv: Annotated[Path | None, output_file("--csv", "Write every participant's values.")] = None,
+    blinded: Annotated[
+        bool, typer.Option("--blinded", help="States by neutral names, as while blinded.")
+    ] = False,
 ) -> None:
     """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
     from esea_host.wrist.analysis import analyse
 
-    shown_wrist(analyse(folder), to_json, report, csv)
+    shown_wrist(analyse(folder, blinded), to_json, report, csv)
 
 
 def shown_wrist(
@@ -200,6 +203,9 @@ def shown_wrist(
 ) -> None:
     from esea_host.wrist.figures import COLUMNS, cells, page
 
+    say_left_out(result.left_out)
+    if result.blinded:
+        out.print("BLINDED: neutral names for the two states; their order was drawn at random.")
     mark = "SIMULATED participants" if result.simulated else "participants"
     for title, lines in result.tables.items():
         heads = (*COLUMNS[:3], *result.sides[title], *COLUMNS[5:])

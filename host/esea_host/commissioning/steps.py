@@ -16,8 +16,7 @@ from esea_gen.studies.torque_check.check import (
     CheckDecision,
     TorqueCheck,
 )
-from esea_gen.studies.torque_check.load import KnownLoad
-from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS
+from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, KnownLoad
 from esea_host.commissioning.bench import Capture, CommissioningBench, HandAct
 from esea_host.commissioning.drive import (
     AGAIN,

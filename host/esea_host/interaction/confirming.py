@@ -30,7 +30,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.model.rubber import rubber_sensor
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.interaction.design import ELASTOMER, SPRING
 from esea_host.interaction.loading import Array
 from esea_host.interaction.rig import PUBLISHED_NM_DEG, simulated_loading

@@ -15,7 +15,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_gen.studies.torque_check.load import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
@@ -28,6 +28,7 @@ from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
 from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask, TaskSignal, task_named
+from esea_host.study.words import keyed
 
 # Of a phase: so long it is still, and its mean is taken; nobody is waited for longer.
 STILL_S, LONGEST_S, SILENT_S = 1.5, 180.0, 120.0
@@ -93,6 +94,10 @@ class ElementBoard(InputSource):
         self._aims = [0.0]
         self._confirmed = self._state = ""
 
+    @property
+    def simulated(self) -> bool:
+        return self.inner.simulated
+
     def ready(self) -> Mapping[str, Any]:
         self.inner.listen_to(self)
         return self.inner.ready()
@@ -125,7 +130,7 @@ class ElementBoard(InputSource):
             )
         self._motor_off()
         if self.hands is not None:
-            self.waits(f"The simulated attendant builds in the {element} ...")
+            self.waits(keyed("advice.building_in", element=keyed(f"element.{element}")))
             self.hands.build_in(spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg))
         means = self._phases(self.known)
         if self.hands is not None:
@@ -169,14 +174,11 @@ class ElementBoard(InputSource):
         assert tap is not None  # every board tells its deflection
         queue = device.subscribe([tap.stream])
         signs, means = (0, 1, 0, -1, 0), list[float]()
-        mass = f"{known.mass_kg:g} kg at {known.arm_m:g} m"
+        load = {"mass_kg": known.mass_kg, "arm_m": known.arm_m}
+        asked = {0: "advice.unloaded", 1: "advice.loaded_one_way", -1: "advice.loaded_other_way"}
         try:
             for k, phase in enumerate(PHASES):
-                act = f"hang {mass} on it, {phase}" if signs[k] else "leave it unloaded"
-                self.waits(
-                    f"Element, {k + 1} of {len(PHASES)}: nobody in the joint, hold the motor "
-                    f"side, {act}; it is read when it is still."
-                )
+                self.waits(keyed(asked[signs[k]], step=k + 1, steps=len(PHASES), **load))
                 if self.hands is not None:
                     self.hands.hang(signs[k] * known.torque_Nm)
                 means.append(self._settled(queue, tap.column, phase, means))
@@ -219,7 +221,7 @@ class ElementBoard(InputSource):
                 f"{2 * math.degrees(ROOM_RAD):.0f} deg.",
                 "Widen limits.rom_min_rad and limits.rom_max_rad, or use another joint.",
             )
-        self.waits("Hold the joint where the middle of the screen is to be.")
+        self.waits(keyed("advice.hold_middle"))
         if self.who is not None and self.hands is not None:
             wanted = min(0.5 * (low + high), low + 2 * ROOM_RAD)
             step = math.copysign(0.01 * LED_RAD_S, wanted - now)

@@ -63,6 +63,11 @@ class RecordingEntry(BaseModel):
     element: Literal["spring", "elastomer"]
     task: str = Field(min_length=1)
 
+    def swapped(self) -> RecordingEntry:
+        element = {"spring": "elastomer", "elastomer": "spring"}[self.element]
+        other = {"element": element, "group": {"A": "B", "B": "A"}[self.group]}
+        return self.model_copy(update=other)
+
 
 class Manifest(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -179,9 +184,15 @@ def steady_angle(path: Path) -> tuple[Array, float, FileTable]:
     return theta, fs_Hz, table
 
 
-def read_recordings(folder: Path) -> Recordings:
-    """Manifest and all recordings; of each the analysed part with room for the filter."""
+def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
+    """Manifest and all recordings; of each the analysed part with room for the filter.
+
+    swapped: either element by the other's name, for a blinded analysis.
+    """
     manifest = read_manifest(folder)
+    if swapped:
+        renamed = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": renamed})
     tasks, left_out = [], []
     tables: list[FileTable] = []
     for task in sorted({e.task for e in manifest.recording}):

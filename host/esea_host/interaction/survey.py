@@ -1,7 +1,7 @@
 """The exit survey: first device against second, said again as spring against elastomer.
 
 Columns of the CSV: participant, group, comfort, naturalness, control, effort; an answer is a number
-from -2 to 2 or its words ("much less" ... "much more").
+from -2 to 2, or its words ("much less" ... "much more") in a language that has texts.
 """
 
 from __future__ import annotations
@@ -14,14 +14,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
+from esea_gen.pages import environment
 from esea_gen.plotting import INK, STYLE
 from esea_host.interaction.design import FIRST, SPRING, checked_group, read_rows
 from esea_host.interaction.published import TABLE_6_4
 from esea_host.statistics import SignedRank, holm, signed_rank
 from esea_host.statistics.checks import StatisticResult
+from esea_host.study.words import Words, languages, words_of
 
 QUESTIONS = ("comfort", "naturalness", "control", "effort")
 LEVELS = {"much less": -2, "less": -1, "no different": 0, "more": 1, "much more": 2}
+KEYS = ("much_less", "less", "no_different", "more", "much_more")
 _SYNONYMS = {"no difference": 0, "same": 0, "equal": 0}
 # Two hues that people with any common colour blindness tell apart; grey for no difference.
 COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
@@ -87,7 +90,9 @@ class Survey(StatisticResult):
 
 def answer(word: str, where: str) -> int:
     plain = " ".join(word.lower().replace("_", " ").split())
+    every = [words_of(language) for language in languages()]
     known = {**LEVELS, **_SYNONYMS}
+    known |= {w(f"survey.{key}"): k - 2 for w in every for k, key in enumerate(KEYS)}
     if plain in known:
         return known[plain]
     try:
@@ -97,6 +102,12 @@ def answer(word: str, where: str) -> int:
     if level not in LEVELS.values():
         raise UserError(f"{where}: answer {word!r}.", f"-2 to 2, or one of {', '.join(LEVELS)}.")
     return int(level)
+
+
+def survey_form(words: Words) -> str:
+    """The questions as a page to print, for each participant after the second device."""
+    template = environment().get_template("interaction/survey.html.j2")
+    return template.render(language=words.language, words=words, levels=KEYS, questions=QUESTIONS)
 
 
 def spring_against_elastomer(level: int, group: str) -> int:

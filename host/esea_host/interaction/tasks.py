@@ -140,7 +140,6 @@ class TargetTracking(_InteractionTask):
     """Trajectory tracking, and the familiarisation."""
 
     name = "interaction.tracking"
-    title = "Follow a target with the wrist"
     Parameters = TrackingParameters
     columns = (
         ELEMENT,
@@ -256,7 +255,6 @@ class Pong(_InteractionTask):
     """Events: served, saved, missed, paddle_lost, paddle_recentred, paused, resumed."""
 
     name = "interaction.pong"
-    title = "Stop the ball with the paddle"
     switches = ("pause", "recentre")
     Parameters = PongParameters
     columns = (

@@ -20,7 +20,6 @@ from esea_host.people.rig import compile_rig
 from esea_host.people.source import PersonSource, VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import code_of, run_everybody
-from esea_host.study.plan import group_of
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
 from esea_host.study.source import Gauge
@@ -122,7 +121,8 @@ def write_manifest(folder: Path, last_s: float) -> None:
     study = StudyFolder.open(folder, durable=False, runs=False)
     lines = []
     simulated = False
-    for code, index in study.participants().items():
+    groups = study.allocations
+    for code in study.participants():
         for row in study.rows(code):
             block = row["session"] + 1
             file = f"{code}/session-{block}/{recording_name(row['trial'])}"
@@ -133,7 +133,7 @@ def write_manifest(folder: Path, last_s: float) -> None:
                 "[[recording]]",
                 f'file = "{file}"',
                 f'participant = "{code}"',
-                f'group = "{group_of(study.protocol, index)}"',
+                f'group = "{groups.group(code)}"',
                 f"block = {block}",
                 f'element = "{row["element"]}"',
                 f'task = "{row["task"].removeprefix(PREFIX)}"',

@@ -16,6 +16,8 @@ from esea_host.study.task import Actor, Situation, StudyTask
 class PersonSource(InputSource):
     """A person in a virtual device, for a session."""
 
+    simulated = True
+
     def __init__(self, who: VirtualParticipant, pointer: Pointer | None = None) -> None:
         self.who, self.pointer = who, pointer
         self._past_s = 0.0

@@ -50,7 +50,7 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
     from statsmodels.stats.inter_rater import cohens_kappa as fitted
     from statsmodels.stats.proportion import proportion_confint
 
-    if len(one) != len(other) or not one:
+    if len(one) != len(other) or len(one) == 0:
         raise NoStatisticError(
             f"{len(one)} items of one coder, {len(other)} of the other.",
             "Give both codes of each item.",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
+from scipy.optimize import minimize_scalar
 from scipy.stats import t
 
 from esea_host.statistics.checks import NoStatisticError, StatisticResult, share
@@ -26,8 +27,9 @@ class BayesPaired(StatisticResult):
         Posterior mean and credible interval in the data's unit; that the mean is above 0.
     equivalence, probability_equivalent : float
         Half-width of the range that counts as no difference; that the mean lies within it.
-    bayes_factor_01 : float
-        How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707).
+    bayes_factor_01, log_bayes_factor_01 : float
+        How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707); its
+        natural logarithm, for the factor itself may be too small for a number.
     """
 
     mean: float
@@ -37,6 +39,7 @@ class BayesPaired(StatisticResult):
     equivalence: float
     probability_equivalent: float
     bayes_factor_01: float
+    log_bayes_factor_01: float
 
 
 def bayes_paired(
@@ -70,6 +73,7 @@ def bayes_paired(
         raise NoStatisticError(
             f"An equivalence range of {half}.", "Give its half-width, 0 or more."
         )
+    log_factor = log_bayes_factor_01(found.dz * math.sqrt(found.n), found.n)
     posterior = t(found.n - 1, loc=found.mean, scale=found.sd / math.sqrt(found.n))
     return BayesPaired(
         found.mean,
@@ -78,20 +82,28 @@ def bayes_paired(
         float(posterior.sf(0.0)),
         half,
         float(posterior.cdf(half) - posterior.cdf(-half)),
-        bayes_factor_01(found.dz * math.sqrt(found.n), found.n),
+        math.exp(log_factor),
+        log_factor,
     )
 
 
-def bayes_factor_01(statistic: float, n: int, width: float = PRIOR_WIDTH) -> float:
-    """Evidence for no difference from a paired t statistic, Rouder et al. eq. 1 with width r."""
+def log_bayes_factor_01(statistic: float, n: int, width: float = PRIOR_WIDTH) -> float:
+    """Log Bayes factor for no difference, of a paired t statistic: Rouder et al. eq. 1, width r."""
     df = n - 1
-    null = (1 + statistic**2 / df) ** (-n / 2)
 
-    def density(g: float) -> float:
-        spread = 1 + n * width**2 * g
-        data = (1 + statistic**2 / (spread * df)) ** (-n / 2)
-        prior = (2 * math.pi) ** -0.5 * g**-1.5 * math.exp(-0.5 / g)
-        return float(spread**-0.5 * data * prior)
+    def log_density(log_g: float) -> float:
+        # Of log g, under the alternative: what the data say, times the inverse chi square of g.
+        spread = 1 + n * width**2 * math.exp(log_g)
+        data = -n / 2 * math.log1p(statistic**2 / (spread * df)) - math.log(spread) / 2
+        return data - (math.log(2 * math.pi) + log_g + math.exp(-log_g)) / 2
 
-    alternative, _ = quad(density, 0, np.inf, epsabs=0, epsrel=1e-9)
-    return float(null / alternative)
+    # Below, exp(-1 / g) leaves nothing; above, it falls as 1 / g.
+    low, high = -6.0, 2 * math.log(abs(statistic) + 10) + 40
+    grid = np.linspace(low, high, 200)
+    best = float(grid[np.argmax([log_density(g) for g in grid])])
+    peak = minimize_scalar(lambda g: -log_density(g), bounds=(best - 1, best + 1), method="bounded")
+    top = float(-peak.fun)
+    found, _ = quad(
+        lambda g: math.exp(log_density(g) - top), low, high, points=[peak.x], epsabs=0, epsrel=1e-9
+    )
+    return -n / 2 * math.log1p(statistic**2 / df) - top - math.log(found)

@@ -10,6 +10,9 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 Array = npt.NDArray[np.float64]
+# Of the largest value: numbers closer than this are equal.  How a difference is rounded depends on
+# the unit.
+ROUNDING = 1e-12
 
 
 class NoStatisticError(ValueError):
@@ -46,18 +49,34 @@ def numbers(values: ArrayLike, name: str, least: int = 1) -> Array:
     return found
 
 
-def differences(x: ArrayLike, y: ArrayLike | None, least: int) -> Array:
-    """x - y of the same people, or x itself."""
+def differences(x: ArrayLike, y: ArrayLike | None, least: int) -> tuple[Array, float]:
+    """x - y of the same people, or x itself, and the largest magnitude that went into them."""
     one = numbers(x, "The first condition", least)
     if y is None:
-        return one
+        return one, largest(one)
     other = numbers(y, "The second condition", least)
     if one.shape != other.shape:
         raise NoStatisticError(
             f"{len(one)} people in one condition and {len(other)} in the other.",
             "Give both values of each person, in the same order.",
         )
-    return one - other
+    return one - other, largest(one, other)
+
+
+def largest(*values: Array) -> float:
+    """The largest magnitude, at most 1e150: squares must be numbers, too."""
+    found = max(float(np.max(np.abs(v))) for v in values)
+    if found > 1e150:
+        raise NoStatisticError(f"A value of {found:g}.", "Give at most 1e150: take a larger unit.")
+    return found
+
+
+def levels(values: Array, scale: float) -> npt.NDArray[np.int64]:
+    """The rank of each value, 0 upwards; equal for those within 1e-12 of the scale."""
+    order = np.argsort(values, kind="stable")
+    out = np.zeros(len(values), dtype=np.int64)
+    out[order[1:]] = np.cumsum(np.diff(values[order]) > ROUNDING * scale)
+    return out
 
 
 def share(value: float, name: str) -> float:

@@ -8,9 +8,19 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import mannwhitneyu, t
+from scipy.stats import mannwhitneyu, rankdata, t
 
-from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, numbers, share
+from esea_host.statistics.checks import (
+    ROUNDING,
+    Array,
+    NoStatisticError,
+    StatisticResult,
+    largest,
+    levels,
+    numbers,
+    share,
+)
+from esea_host.statistics.signed_rank import MOST_EXACT
 
 
 @dataclass(frozen=True)
@@ -22,7 +32,10 @@ class Effect(StatisticResult):
     estimate, low, high, se : float
         In the data's unit, with interval and standard error.
     df, p, p_rank : float
-        Degrees of freedom; two-sided p by Student's t and by Wilcoxon-Mann-Whitney (Koch).
+        Degrees of freedom; two-sided p by Student's t and by Wilcoxon-Mann-Whitney (Koch): of up to
+        50 people every allocation to the sequences is counted, with ties (up to 1e-12 of the
+        largest value) as they are; of more the normal distribution, corrected for ties and
+        continuity.
     """
 
     estimate: float
@@ -88,16 +101,16 @@ def crossover(
     """
     share(confidence, "A confidence")
     one, two, forward = _checked(first_period, second_period, first_treatment, treatments)
-    change, total = one - two, one + two
+    change, scale = one - two, largest(one, two)
+    # Sign of the second sequence turned: the difference of the sequences is then twice the first
+    # period minus the second.
     flipped = np.where(forward, change, -change)
     return Crossover(
         treatments,
         {treatments[0]: int(forward.sum()), treatments[1]: int((~forward).sum())},
-        _contrast(change, forward, 0.5, confidence),
-        # Sign of the second sequence turned: the difference of the sequences is then twice the
-        # first period minus the second.
-        _contrast(-flipped, forward, 0.5, confidence),
-        _contrast(total, forward, 1.0, confidence),
+        _contrast(change, forward, 0.5, confidence, scale),
+        _contrast(-flipped, forward, 0.5, confidence, scale),
+        _contrast(one + two, forward, 1.0, confidence, scale),
     )
 
 
@@ -131,16 +144,34 @@ def _checked(
     return one, two, forward
 
 
-def _contrast(values: Array, forward: Any, factor: float, confidence: float) -> Effect:
+def _contrast(
+    values: Array, forward: Any, factor: float, confidence: float, scale: float
+) -> Effect:
     # Half, or all, of the difference of the sequences' means, with their common variance.
-    a, b = values[forward], values[~forward]
+    unit = float(np.max(np.abs(values))) or 1.0
+    a, b = values[forward] / unit, values[~forward] / unit
     df = len(a) + len(b) - 2
-    pooled = (np.sum((a - a.mean()) ** 2) + np.sum((b - b.mean()) ** 2)) / df
-    se = factor * float(np.sqrt(pooled * (1 / len(a) + 1 / len(b))))
-    estimate = factor * float(a.mean() - b.mean())
+    sd = float(np.sqrt((np.sum((a - a.mean()) ** 2) + np.sum((b - b.mean()) ** 2)) / df))
+    if sd <= ROUNDING * scale / unit:
+        sd = 0.0  # without any spread nothing can be tested
+    se = factor * unit * sd * float(np.sqrt(1 / len(a) + 1 / len(b)))
+    estimate = factor * unit * float(a.mean() - b.mean())
     half = float(t.isf((1 - confidence) / 2, df)) * se
-    # Without any spread nothing can be tested.
     p = float(2 * t.sf(abs(estimate) / se, df)) if se > 0 else float("nan")
-    tied = len(np.unique(values)) < len(values)
-    rank = mannwhitneyu(a, b, method="asymptotic" if tied else "exact")
-    return Effect(estimate, estimate - half, estimate + half, se, df, p, float(rank.pvalue))
+    rank = rank_sum_p(levels(values, scale), forward)
+    return Effect(estimate, estimate - half, estimate + half, se, df, p, rank)
+
+
+def rank_sum_p(values: Any, forward: Any) -> float:
+    """Two-sided Wilcoxon-Mann-Whitney p of two groups; what ties must be equal."""
+    if len(values) > MOST_EXACT and np.ptp(values) > 0:
+        groups = values[forward], values[~forward]
+        return float(mannwhitneyu(*groups, method="asymptotic").pvalue)
+    doubled = np.round(2 * rankdata(values)).astype(int)
+    # Groups of each size, by twice their rank sum.
+    counts = np.zeros((int(forward.sum()) + 1, int(doubled.sum()) + 1))
+    counts[0, 0] = 1.0
+    for rank in doubled:
+        counts[1:, rank:] += counts[:-1, : counts.shape[1] - rank].copy()
+    null, at = counts[-1] / counts[-1].sum(), doubled[forward].sum()
+    return float(min(1.0, 2 * min(null[: at + 1].sum(), null[at:].sum())))

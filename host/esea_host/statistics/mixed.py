@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
+from scipy.stats import t
 
-from esea_host.statistics.checks import NoStatisticError, StatisticResult, numbers
+from esea_host.statistics.checks import (
+    ROUNDING,
+    Array,
+    NoStatisticError,
+    StatisticResult,
+    largest,
+    numbers,
+)
 
 
 @dataclass(frozen=True)
@@ -19,14 +27,13 @@ class MixedModel(StatisticResult):
     Parameters
     ----------
     treatment, treatment_se, treatment_p : float
-        First treatment minus second, in the data's unit, its standard error, and a two-sided p of
-        the normal distribution: too small where people are few.
+        First treatment minus second, in the data's unit, its standard error, and a two-sided p.
     period, period_se, period_p : float
         The same of the second period minus the first.
+    df : int
+        Of both p by Student's t: recordings less people less 2, as R's nlme.
     between_sd, within_sd : float
         Standard deviation between people and within.
-    notes : tuple of str
-        Warnings of the fit.
     """
 
     treatment: float
@@ -35,9 +42,9 @@ class MixedModel(StatisticResult):
     period: float
     period_se: float
     period_p: float
+    df: int
     between_sd: float
     within_sd: float
-    notes: tuple[str, ...]
 
 
 def mixed_model(
@@ -47,7 +54,7 @@ def mixed_model(
     period: Sequence[int],
     treatments: tuple[str, str],
 ) -> MixedModel:
-    """Fit by statsmodels; people who miss a period count as well.
+    """Fit a random intercept a person; who misses a period counts as well.
 
     Parameters
     ----------
@@ -55,35 +62,85 @@ def mixed_model(
         Of each recording: its value, whose it is, under which treatment, in period 1 or 2.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
-    """
-    from statsmodels.regression.mixed_linear_model import MixedLM
 
+    Notes
+    -----
+    The restricted likelihood, with effects and scale profiled out, is maximised over the one ratio
+    of variances that is left.  Refused where people with both periods do not tell treatment and
+    period apart.
+    """
     found = numbers(values, "The values", 4)
+    who = _checked(found, people, treatment, period, treatments)
+    scale, centre = largest(found), float(found.mean())
+    spread = largest(found - centre) or 1.0
+    first = np.array([x == treatments[0] for x in treatment]) - 0.5
+    second = np.array([x == 2 for x in period]) - 0.5
+    # Value, mean, treatment, period; and what of each a person has in common.
+    table = np.column_stack([(found - centre) / spread, np.ones(len(found)), first, second])
+    count = np.bincount(who)
+    common = np.column_stack([np.bincount(who, c) / count for c in table.T])[who]
+    df = len(found) - len(count) - 2
+    if df < 1 or np.linalg.matrix_rank((table - common)[:, 2:]) < 2:
+        raise NoStatisticError(
+            "The mixed model cannot tell treatment and period apart.",
+            "At least 3 people with both periods, not all in one order.",
+        )
+
+    def fitted(ratio: float) -> tuple[float, Array, Array, float]:
+        # Whitened by the part of the common share that leaves errors alike and uncorrelated.
+        white = table - (1 - 1 / np.sqrt(1 + ratio * count))[who, None] * common
+        y, x = white[:, 0], white[:, 1:]
+        inverse = np.linalg.inv(x.T @ x)
+        effects = inverse @ x.T @ y
+        rest = float(np.sum((y - x @ effects) ** 2))
+        variance = rest / (len(y) - 3)
+        determinants = np.sum(np.log1p(ratio * count)) - np.linalg.slogdet(inverse)[1]
+        off = (len(y) - 3) * np.log(max(variance, 1e-300)) + float(determinants)
+        return off, effects, variance * inverse, variance
+
+    grid = np.linspace(-12, 50, 125)
+    best = int(np.argmin([fitted(np.exp(g))[0] for g in grid]))
+    ends = grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)]
+    log = minimize_scalar(
+        lambda g: fitted(np.exp(g))[0], bounds=ends, method="bounded", options={"xatol": 1e-10}
+    ).x
+    ratio = min((0.0, float(np.exp(log))), key=lambda r: fitted(r)[0])
+    _, effects, covariance, variance = fitted(ratio)
+    if best == len(grid) - 1 or spread * np.sqrt(variance) <= ROUNDING * scale:
+        raise NoStatisticError("The mixed model has no standard errors.", "Nothing is left over.")
+    errors = np.sqrt(np.diag(covariance))
+    p = 2 * t.sf(np.abs(effects / errors), df)
+    effects, errors, within = spread * effects, spread * errors, spread * float(np.sqrt(variance))
+    return MixedModel(
+        float(effects[1]),
+        float(errors[1]),
+        float(p[1]),
+        float(effects[2]),
+        float(errors[2]),
+        float(p[2]),
+        df,
+        float(np.sqrt(ratio)) * within,
+        within,
+    )
+
+
+def _checked(
+    found: Array,
+    people: Sequence[str],
+    treatment: Sequence[str],
+    period: Sequence[int],
+    treatments: tuple[str, str],
+) -> Array:
+    """Number of each recording's person."""
     if not len(found) == len(people) == len(treatment) == len(period):
         raise NoStatisticError("Columns of different lengths.", "Give one row a recording.")
-    first = np.array([x == treatments[0] for x in treatment], dtype=np.float64)
-    second = np.array([x == 2 for x in period], dtype=np.float64)
-    # Both centred: neither effect depends on how the other is coded.
-    columns = np.column_stack([np.ones(len(found)), first - 0.5, second - 0.5])
-    scale = float(np.std(found)) or 1.0
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            fit = MixedLM((found - found.mean()) / scale, columns, groups=np.array(people)).fit()
-        except (np.linalg.LinAlgError, ValueError) as error:
-            raise NoStatisticError(f"The mixed model: {error}.", "Look at the data.") from None
-        errors = np.asarray(fit.bse_fe)
-    if not np.isfinite(errors[1:]).all():
-        raise NoStatisticError("The mixed model has no standard errors.", "More people.")
-    notes = tuple(dict.fromkeys(str(w.message).strip() for w in caught))
-    return MixedModel(
-        float(fit.fe_params[1]) * scale,
-        float(errors[1]) * scale,
-        float(fit.pvalues[1]),
-        float(fit.fe_params[2]) * scale,
-        float(errors[2]) * scale,
-        float(fit.pvalues[2]),
-        float(np.sqrt(np.asarray(fit.cov_re)[0, 0])) * scale,
-        float(np.sqrt(fit.scale)) * scale,
-        notes,
-    )
+    unknown = [*sorted(set(treatment) - set(treatments)), *sorted(set(period) - {1, 2})]
+    if unknown or treatments[0] == treatments[1]:
+        raise NoStatisticError(
+            f"Treatment or period {', '.join(map(str, unknown)) or treatments[0]}.",
+            f"Give {treatments[0]} and another one; periods are 1 and 2.",
+        )
+    if len(set(zip(people, period, strict=True))) < len(found):
+        raise NoStatisticError("Two recordings of a person in one period.", "Average them first.")
+    _, who = np.unique(list(people), return_inverse=True)
+    return np.asarray(who)

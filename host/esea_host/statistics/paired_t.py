@@ -8,9 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
-from scipy.stats import nct, t
+from scipy.special import chdtr
+from scipy.stats import norm, t
 
-from esea_host.statistics.checks import NoStatisticError, StatisticResult, differences, share
+from esea_host.statistics.checks import (
+    ROUNDING,
+    NoStatisticError,
+    StatisticResult,
+    differences,
+    share,
+)
 
 
 @dataclass(frozen=True)
@@ -51,18 +58,19 @@ def standardised_difference(
         Of the intervals.
     """
     share(confidence, "A confidence")
-    found = differences(x, y, least=2)
-    n, mean, sd = len(found), float(np.mean(found)), float(np.std(found, ddof=1))
-    if sd <= 1e-12 * float(np.max(np.abs(found))):
+    found, scale = differences(x, y, least=2)
+    # Scaled: the square of a tiny unit's value is 0.
+    unit = float(np.max(np.abs(found))) or 1.0
+    n, mean = len(found), float(np.mean(found))
+    sd = unit * float(np.std(found / unit, ddof=1))
+    if sd <= ROUNDING * scale:
         raise NoStatisticError("All differences are equal.", "They have no standard deviation.")
     statistic = mean / sd * math.sqrt(n)
     half = float(t.isf((1 - confidence) / 2, n - 1)) * sd / math.sqrt(n)
 
     def end(tail: float) -> float:
-        def off(delta: float) -> float:
-            found = float(nct.cdf(statistic, n - 1, delta))
-            # Far off, where the noncentral distribution is not a number, it is at its end.
-            return (found if math.isfinite(found) else float(delta < statistic)) - tail
+        def off(shift: float) -> float:
+            return 1 - noncentral_t_sf(statistic, n - 1, shift) - tail
 
         step = math.sqrt(1 + statistic**2 / (2 * (n - 1))) * (1 if tail < 0.5 else -1)
         far = statistic + step
@@ -82,3 +90,21 @@ def standardised_difference(
         end(tail),
         float(2 * t.sf(abs(statistic), n - 1)),
     )
+
+
+def noncentral_t_sf(value: float, df: int, shift: float) -> float:
+    """Probability that (z + shift) / sqrt(chi2 / df) exceeds a value, z standard normal.
+
+    SciPy's noncentral t is not a number for some of these.
+    """
+    if value < 0:
+        return 1 - noncentral_t_sf(-value, df, -shift)
+    if value == 0:
+        return float(norm.cdf(shift))
+    # Beyond 13 the normal density is nothing; around z + shift = value the chi square's part rises.
+    rise = value - shift + value / math.sqrt(2 * df) * np.arange(-8, 9)
+    edges = np.unique(np.clip([*np.arange(-13, 14), *rise], max(-shift, -13.0), 13.0))
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    half = np.diff(edges)[:, None] / 2
+    z = edges[:-1, None] + half * (1 + nodes)
+    return float(np.sum(half * weights * norm.pdf(z) * chdtr(df, df * ((z + shift) / value) ** 2)))

@@ -8,9 +8,10 @@ from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import nct, t
+from scipy.stats import t
 
 from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, share
+from esea_host.statistics.paired_t import noncentral_t_sf
 from esea_host.statistics.signed_rank import MOST_EXACT, attainable_p
 
 REPEATS, SEED = 20_000, 1
@@ -73,12 +74,10 @@ def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
         Pairs; mean difference in standard deviations of the differences; two-sided level.
     """
     share(alpha, "An alpha")
-    if n < 2:
-        raise NoStatisticError(f"{n} pairs.", "At least 2.")
+    if n < 2 or not math.isfinite(dz):
+        raise NoStatisticError(f"{n} pairs, d_z = {dz}.", "At least 2 pairs, and a number.")
     critical, shift = float(t.isf(alpha / 2, n - 1)), dz * math.sqrt(n)
-    found = float(nct.sf(critical, n - 1, shift) + nct.cdf(-critical, n - 1, shift))
-    # So far off that the noncentral distribution is not a number, nothing is missed.
-    return found if math.isfinite(found) else 1.0
+    return sum(noncentral_t_sf(critical, n - 1, s) for s in (shift, -shift))
 
 
 @cache
@@ -106,8 +105,10 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
     Beyond 50 pairs that of the t test with 3/pi of the pairs: its asymptotic efficiency.
     """
     share(alpha, "An alpha")
-    if not 2 <= n <= _MOST_PEOPLE:
-        raise NoStatisticError(f"{n} pairs.", f"Give 2 to {_MOST_PEOPLE}.")
+    if not 2 <= n <= _MOST_PEOPLE or not math.isfinite(dz):
+        raise NoStatisticError(
+            f"{n} pairs, d_z = {dz}.", f"Give 2 to {_MOST_PEOPLE} pairs, and a number."
+        )
     if n > MOST_EXACT:
         return paired_t_power(round(n * 3 / math.pi), dz, alpha)
     most = int(np.sum(attainable_p(n) < alpha)) - 1  # largest smaller rank sum that is significant

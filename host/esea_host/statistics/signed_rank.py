@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm, rankdata
 
-from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, differences, share
+from esea_host.statistics.checks import (
+    Array,
+    NoStatisticError,
+    StatisticResult,
+    differences,
+    levels,
+    share,
+)
 
 # Up to here all 2^n signs are counted: their number is exact in a double.
 MOST_EXACT = 50
-# Of the largest value: differences closer than this are equal.
-ROUNDING = 1e-12
 ZEROS = ("drop", "pratt")
 METHODS = ("auto", "exact", "normal")
 
@@ -91,21 +96,24 @@ def signed_rank(
             f"zeros={zeros!r}, method={method!r}.",
             f"Choose from {', '.join(ZEROS)} and {', '.join(METHODS)}.",
         )
-    found = differences(x, y, least=1)
-    steps = _in_steps(found, x)
-    kept = steps[steps != 0]
+    found, scale = differences(x, y, least=1)
+    # 1.1 - 1.0 and 2.1 - 2.0 are a tie, though not to the last bit.
+    *size, zero = levels(np.append(np.abs(found), 0.0), scale)
+    nonzero = np.array(size) != zero
+    kept = found[nonzero]
     if len(kept) == 0:
         raise NoStatisticError("All differences are 0.", "There is nothing to rank.")
     if method == "exact" and len(kept) > MOST_EXACT:
         raise NoStatisticError(
             f"{len(kept)} differences.", f"Up to {MOST_EXACT} are counted; take 'auto'."
         )
-    ranks = rankdata(np.abs(steps))[steps != 0] if zeros == "pratt" else rankdata(np.abs(kept))
+    sizes = np.array(size)[nonzero]
+    ranks = rankdata(size)[nonzero] if zeros == "pratt" else rankdata(sizes)
     plus = float(ranks[kept > 0].sum())
     minus = float(ranks[kept < 0].sum())
     exact = method != "normal" and len(kept) <= MOST_EXACT
     p = _exact_p(ranks, plus) if exact else _normal_p(ranks, plus)
-    _, counts = np.unique(np.abs(kept), return_counts=True)
+    _, counts = np.unique(sizes, return_counts=True)
     estimate, low, high, attained = hodges_lehmann(found, confidence)
     biserial = (plus - minus) / (plus + minus)
     return SignedRank(
@@ -124,12 +132,6 @@ def signed_rank(
         biserial,
         *biserial_interval(biserial, len(kept), confidence),
     )
-
-
-def _in_steps(found: Array, x: ArrayLike) -> Array:
-    # 1.1 - 1.0 and 2.1 - 2.0 are a tie, though not to the last bit.
-    largest = max(float(np.max(np.abs(np.asarray(x, dtype=np.float64)))), np.max(np.abs(found)))
-    return np.asarray(np.round(found / (ROUNDING * largest))) if largest > 0 else found
 
 
 def null_distribution(ranks: ArrayLike) -> Array:

@@ -26,6 +26,7 @@ from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignal
 from esea_host.study.scene import Scene
 from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask
+from esea_host.study.words import keyed
 
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
@@ -150,6 +151,10 @@ class BoardSource(InputSource):
         self._first_ns: int | None = None
 
     @property
+    def simulated(self) -> bool:
+        return self.device.simulated
+
+    @property
     def board_ns(self) -> int:
         return self._rows.board_ns
 
@@ -163,7 +168,7 @@ class BoardSource(InputSource):
         """Whether it tells, zero and limits; armed where it is to be."""
         identity = self.device.identity
         found: dict[str, Any] = {
-            "simulated": self.device.simulated,
+            "simulated": self.simulated,
             "device": identity.device.name,
             "content_hash": identity.content_hash,
             "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},
@@ -218,7 +223,7 @@ class BoardSource(InputSource):
                     raise
             if receiver.error is not None or time.monotonic() > until_s or self.ask():
                 raise UserError("The link to the board is broken.", "Look at cable and power.")
-            self.waits("The link to the board is broken: look at cable and power.")
+            self.waits(keyed("advice.link_broken"))
             time.sleep(0.05)
 
     def _new_file(self) -> Path:
@@ -337,12 +342,12 @@ class BoardSource(InputSource):
         while waiting := [a for a, tap in self._acts.items() if self._rows.value(tap) != wanted]:
             passed_s = (self.board_ns - begun_ns) * 1e-9
             axes = " and ".join(waiting)
-            what = f"The impairment of {axes} has not been switched {'on' if wanted else 'off'}"
             if passed_s > SWITCH_S:
+                what = f"has not been switched {'on' if wanted else 'off'} within {SWITCH_S:g} s"
                 fix = "Let the joint rest, outside the wall, and repeat the trial."
-                raise UserError(f"{what} within {SWITCH_S:g} s.", fix)
+                raise UserError(f"The impairment of {axes} {what}.", fix)
             if passed_s > SETTLE_S:
-                self.waits(f"{what}: let the joint rest, outside the wall.")
+                self.waits(keyed("advice.switch_on" if wanted else "advice.switch_off", axes=axes))
             if self.ask():
                 return
             self.want({})

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,10 @@ from esea_gen.errors import UserError
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
-from esea_host.study.session import ABORTED, PENDING, RUNNING, StudySession
+from esea_host.study.session import ABORTED, PENDING, RUNNING, SessionState
 from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
 from esea_host.study.task import TaskStep
+from esea_host.study.words import keyed
 
 STARTING, RESTING, PAUSED, HELD, OVER = "starting", "resting", "paused", "held", "over"
 MOST_HAPPENED = 200
@@ -128,11 +130,17 @@ class Conductor(SessionWatcher):
         hold: bool = False,
         day: int | None = None,
         early: str = "",
+        rehearsal: Path | None = None,
+        device: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
         self.study, self.code, self.number, self.hold = study, code, number, hold
         self.source, self.speed = source, speed
-        self._session = study.session(code, number, source, day, early)
+        self._session = study.session(code, number, source, day, early, rehearsal, device)
+        session = self._session
+        marks = {"rehearsal": session.rehearsal, "simulated": session.simulated or study.simulated}
+        # Both windows show it all the time.
+        self.banner = "_".join(m for m, on in marks.items() if on)
         self.plan = self._session.state.plan
         self.states: Mapping[int, str] = dict(self._session.state.states)
         self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
@@ -149,7 +157,7 @@ class Conductor(SessionWatcher):
         self._recentre = False
         self._stopped, self._again = "", TrialOnly()
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._notes: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._remarks: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="esea-session", daemon=True)
 
     trial: PlannedTrial | None
@@ -161,6 +169,11 @@ class Conductor(SessionWatcher):
 
     def join(self, timeout_s: float | None = None) -> None:
         self._thread.join(timeout_s)
+
+    @property
+    def state(self) -> SessionState:
+        """What the log says; while the session runs, what it said at the last look."""
+        return self._session.state
 
     @property
     def over(self) -> bool:
@@ -180,33 +193,49 @@ class Conductor(SessionWatcher):
         self._recentre = True
 
     def note(self, text: str) -> None:
-        self._notes.put(text)
+        self._remarks.put(partial(self._session.note, text))
+        self._tell(keyed("happened.note", text=text))
+
+    def hold_now(self) -> None:
+        """End the running trial, if any, and wait: it comes again once the session goes on."""
+        self.paused = True
+        self._abort(set(self.states), keyed("reason.adverse"))
+
+    def adverse(self, severity: str, relation: str, action: str, text: str) -> None:
+        """On the study's record when this returns, whatever the session does."""
+        about = {"participant": self.code, "session": self.number}
+        about |= {"trial": self.trial.number if self.trial else None}
+        said = {"severity": severity, "relation": relation, "action": action, "text": text}
+        self.study.record("adverse", **about, **said)
+        self._remarks.put(partial(self._session.say, "adverse", severity=severity))
+        self._tell(keyed("happened.adverse", severity=keyed(f"adverse.{severity}")))
+        self.said = keyed("adverse.recorded")
 
     def skip(self, number: int, reason: str) -> None:
         """Leave a trial out; one that runs is aborted first."""
-        if self._needs_reason(f"Trial {number} is not skipped", reason):
+        if self._needs_reason(keyed("operator.not_skipped", number=number), reason):
             self._abort({number}, reason)
             self._jobs.put(partial(self._session.skip, number, reason))
 
     def repeat(self, number: int, reason: str) -> None:
         """Have a trial again; one that runs is aborted first, and begins anew."""
-        if self._needs_reason(f"Trial {number} is not repeated", reason):
+        if self._needs_reason(keyed("operator.not_repeated", number=number), reason):
             self._repeat({number}, reason)
 
     def repeat_block(self, block: str, reason: str) -> None:
         """Have all trials of a block again that have been run."""
-        if self._needs_reason(f"{block!r} is not repeated", reason):
+        if self._needs_reason(keyed("operator.block_not_repeated", block=block), reason):
             self._repeat({t.number for t in self.plan.trials if t.block == block}, reason)
 
     def _needs_reason(self, what: str, reason: str) -> bool:
-        self.said = "" if reason else f"{what} without a reason: write one first."
+        self.said = "" if reason else what
         return bool(reason)
 
     def _repeat(self, numbers: set[int], reason: str) -> None:
         running = self._abort(numbers, reason)
         again = [n for n in sorted(numbers) if n != running and self.states[n] != PENDING]
         if not again and running is None:
-            self.said = "Nothing of that has been run yet."
+            self.said = keyed("operator.nothing_run")
         for number in again:
             self._jobs.put(partial(self._session.repeat, number, reason))
 
@@ -253,7 +282,7 @@ class Conductor(SessionWatcher):
         session = self._session
         try:
             self.reason = session.run(watcher=self)
-            self._write_notes(session)
+            self._write_remarks()
             if self.display is not None:
                 session.say("display", trial=None, **self.display.take(True))
             self.study.finish(self.code, self.number, session)
@@ -286,13 +315,12 @@ class Conductor(SessionWatcher):
         self._wait(due_s)
 
     def turn(self) -> str:
-        self._write_notes(self._session)
+        self._write_remarks()
         return self._stopped or self._again
 
-    def _write_notes(self, session: StudySession) -> None:
-        while not self._notes.empty():
-            session.note(text := self._notes.get())
-            self._tell(f"note: {text}")
+    def _write_remarks(self) -> None:
+        while not self._remarks.empty():
+            self._remarks.get()()
 
     def _tell(self, text: str) -> None:
         self.happened.append((self.source.now_s(), text))
@@ -324,7 +352,7 @@ class Conductor(SessionWatcher):
         """As long by the clock, and longer while a pause is pressed."""
         self.rest_until_s = time.monotonic() + seconds / min(self.speed, 1e9)
         self.phase = RESTING
-        self._tell(f"rest of {seconds:g} s")
+        self._tell(keyed("happened.rest", seconds=seconds))
         if math.isfinite(self.speed):
             self._wait(self.rest_until_s)
         rest(seconds)
@@ -339,7 +367,7 @@ class Conductor(SessionWatcher):
         self.phase = RUNNING
         if self.display is not None:
             self.display.drop()
-        self._tell(f"trial {trial.number}: {trial.block}")
+        self._tell(keyed("happened.trial", number=trial.number, block=trial.block))
 
     def steps(self, time_s: float, step: TaskStep) -> None:
         before = self.shown
@@ -350,18 +378,20 @@ class Conductor(SessionWatcher):
         for event in step.events:
             if "advice" in event.data:
                 self.advice = tuple(event.data["advice"] or ())
-            self._tell(event.name.replace("_", " "))
+            self._tell(event.name)
 
     def ends(self, number: int, state: str, reason: str, row: Mapping[str, Any]) -> None:
         session = self._session
         self.states = {**self.states, number: state}
-        self.reasons = {**self.reasons, number: str(reason)}
+        self.reasons = {**self.reasons, number: reason}
         if self.display is not None:
             session.say("display", trial=number, **self.display.take(False))
         if self._again and state != ABORTED:  # it was over before the word was heard
             self._jobs.put(partial(session.repeat, number, str(self._again)))
         self.advice = tuple(row.get("complaints") or ())
-        self._tell(f"trial {number} {state}{f': {reason}' if reason else ''}")
+        ended = {"number": number, "state": keyed(f"state.{state}")}
+        why = keyed("happened.trial_ended_why", **ended, reason=reason)
+        self._tell(why if reason else keyed("happened.trial_ended", **ended))
         if broken := self.source.broken():
             self.advice = (broken,)
         if broken or (self.hold and self.advice):

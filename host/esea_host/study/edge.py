@@ -11,8 +11,9 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_host.study.log import plain
-from esea_host.study.scene import COLOURS, Kind, Scene, Shape, Text, said
+from esea_host.study.scene import COLOURS, Kind, Scene, Shape, Text
 from esea_host.study.task import StudyTask, TaskBrokenError, TaskEvent, TaskStep, TrialOutcome
+from esea_host.study.words import ENGLISH, words_of
 
 _KINDS = get_args(Kind)
 _OWN = ("trial", "name", "at_s")  # the engine's, in every event
@@ -24,7 +25,7 @@ def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
         return part(*given)
     except (TaskBrokenError, UserError):
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
 
 
@@ -99,7 +100,7 @@ def _scene(scene: Any) -> None:
     for t in scene.texts:
         _is(isinstance(t, Text), "text", t, "a Text")
         try:
-            said(t)
+            words_of(ENGLISH).scene(t.key, t.values)
         except Exception as error:
             what = f"{type(error).__name__}: {error}"
             raise UserError(f"scene: text {t.key!r} cannot be written ({what}).", "") from None

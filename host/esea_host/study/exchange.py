@@ -1,13 +1,17 @@
-"""A study's data for other programs, scrubbed: Parquet, and BIDS with its motion data.
+"""A study's data for others: rows, Parquet, and BIDS with its motion data.
 
-New codes in random order, no notes, no times of day; only what completed trials gave.
+Codes follow from the study's secret key.  There are no notes, no dates, no times of day and no seed
+of the protocol; only what completed trials gave.  While somebody is blinded, what the group decides
+is left out.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +22,9 @@ from esea_host.recording.export import BIDS_VERSION
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
-from esea_host.study.session import COMPLETED, state_of
+from esea_host.study.privacy import LEFT_OUT, export_codes, keyed, study_key
+from esea_host.study.protocol import group_decides
+from esea_host.study.session import COMPLETED, PENDING, read_session, state_of
 from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
@@ -38,6 +44,7 @@ _MEANINGS = {
     "condition": "name of the condition",
     "catch": "whether it was a catch trial",
     "familiarisation": "whether it is not meant for analysis",
+    "simulated": "whether no real person, or no real device, was behind it",
 }
 TRACKED = "device"
 
@@ -85,11 +92,130 @@ def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
     return [found[n] for n in sorted(found)]
 
 
-def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
+def new_codes(study: StudyFolder) -> dict[str, str]:
+    """Code in every export to participant."""
+    return export_codes(study_key(study.path), {c for c, _, _ in study.sessions()})
+
+
+def veil(study: StudyFolder, labels: bool = False) -> Callable[[Row], dict[str, Any]]:
+    """Hides what the group decides in a row, while operator or analyst is blinded.
+
+    labels: conditions are told apart by neutral names, for a blinded analysis.
+    """
+    file = study.protocol.file
+    if not any(study.blinded(role) for role in ("operator", "analyst")):
+        return dict
+    names = veiled_names(study) if labels else {}
+    decided = {k for c in file.conditions.values() for k in c.parameters}
+
+    def veiled(row: Row) -> dict[str, Any]:
+        if not group_decides(file, row["session"], row["block"]):
+            return {**row}
+        shown = {k: None if k in decided else v for k, v in row.items()}
+        return {**shown, "condition": names.get(row["condition"], LEFT_OUT)}
+
+    return veiled
+
+
+def veiled_names(study: StudyFolder) -> dict[str, str]:
+    """Neutral names of the conditions, in an order that follows from the study's key."""
+    key = study_key(study.path)
+    order = sorted(study.protocol.file.conditions, key=lambda c: keyed(key, "condition", c))
+    return {c: f"condition {k}" for k, c in enumerate(order, 1)}
+
+
+def shared_rows(study: StudyFolder, labels: bool = False) -> list[dict[str, Any]]:
+    hide = veil(study, labels)
+    return [
+        hide(row) | {"participant": new}
+        for new, old in new_codes(study).items()
+        for row in study.rows(old, strict=False)
+    ]
+
+
+def omissions(study: StudyFolder) -> list[str]:
+    """What neither exports nor analyses use, and why: a line each."""
+    found, gone = [], {}
+    for kind, data in study.audited_anyway():
+        if kind in ("delete", "withdraw"):
+            words = "data deleted" if kind == "delete" else "withdrew"
+            gone[data["participant"]] = f"{words}: {data.get('reason') or 'no reason was given'}"
+    found += [f"{code}: {why}" for code, why in gone.items()]
+    begun = {c for c, _, _ in study.sessions()}
+    idle = [c for c in study.participants() if c not in begun | gone.keys()]
+    found += [f"{', '.join(idle)}: no session yet"] if idle else []
+    for code, number, path in study.sessions():
+        where = f"{code}, session {number + 1}"
+        if code in gone:
+            continue
+        try:
+            state = read_session(path)
+        except UserError as error:
+            found.append(f"{where}, whole: {error.what}")
+            continue
+        for trial in state.plan.trials:
+            now = state.states[trial.number]
+            if now not in (COMPLETED, PENDING):
+                why = state.reasons.get(trial.number) or "no reason was given"
+                found.append(f"{where}, trial {trial.number} {now}: {why}")
+        if pending := sum(s == PENDING for s in state.states.values()):
+            found.append(f"{where}: {pending} of {len(state.plan.trials)} trials were not run")
+    return found
+
+
+def known_words(study: StudyFolder) -> set[str]:
+    """Texts that a row can have by the protocol and its tasks: none of them is free text."""
+    found = {LEFT_OUT, *veiled_names(study).values()}
+
+    def collect(value: Any) -> None:
+        if isinstance(value, str):
+            found.add(value)
+        elif isinstance(value, Mapping):
+            collect([*value, *value.values()])
+        elif isinstance(value, list | tuple):
+            for inner in value:
+                collect(inner)
+
+    file = study.protocol.file
+    collect(file.model_dump())
+    for block in (b for s in file.session for b in s.block):
+        collect([f"{block.name} {k + 1}" for k in range(block.copies)])
+        with suppress(UserError):  # a task of somebody's own, which is not run here
+            collect(task_named(block.task, "protocol").Parameters.model_json_schema())
+    return found
+
+
+def people_of(study: StudyFolder) -> set[str]:
+    """Persons that the record names."""
+    trail = study.trail(strict=False)
+    return {e.by for e in trail} | {str(e.data.get("by", "")) for e in trail}
+
+
+def protocol_text(study: StudyFolder) -> str:
+    """The protocol without its seed: the orders of trials would tell who came when."""
+    return re.sub(r"(?m)^seed\s*=.*$", "seed = 0  # left out", study.protocol.text)
+
+
+def to_rows(study: StudyFolder, out: Path, labels: bool = False) -> int:
+    rows = shared_rows(study, labels)
+    names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
+    with new_whole(out) as scratch:
+        scratch.mkdir()
+        lines = "".join(json.dumps(r, sort_keys=True) + "\n" for r in rows)
+        (scratch / "rows.jsonl").write_text(lines, encoding="utf-8")
+        with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, names, extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+        (scratch / "protocol.toml").write_text(protocol_text(study), encoding="utf-8")
+    return len(rows)
+
+
+def to_parquet(study: StudyFolder, out: Path, labels: bool = False) -> int:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = study.scrubbed(seed)
+    rows = shared_rows(study, labels)
     names = sorted({n for r in rows for n in r})
     columns = {n: pa.array([r.get(n) for r in rows]) for n in names}
     with new_whole(out) as scratch:
@@ -98,17 +224,17 @@ def to_parquet(study: StudyFolder, out: Path, seed: int = 0) -> int:
     return len(rows)
 
 
-def to_bids(study: StudyFolder, out: Path, seed: int = 0) -> int:
+def to_bids(study: StudyFolder, out: Path, labels: bool = False) -> int:
     """A BIDS data set (bids-specification.readthedocs.io, Motion): one run a completed trial."""
     with new_whole(out) as scratch:
         scratch.mkdir()
-        return _bids(study, scratch, seed)
+        return _bids(study, scratch, labels)
 
 
-def _bids(study: StudyFolder, out: Path, seed: int) -> int:
-    runs, people = 0, ["participant_id"]
+def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
+    runs, people, hide = 0, ["participant_id"], veil(study, labels)
     simulated = study.simulated
-    for new, old in study.new_codes(seed).items():
+    for new, old in new_codes(study).items():
         people.append(f"sub-{new}")
         for code, number, path in study.sessions():
             if code == old:
@@ -119,7 +245,8 @@ def _bids(study: StudyFolder, out: Path, seed: int) -> int:
                     continue
                 place = out / f"sub-{new}" / f"ses-{number + 1}"
                 names = [_write_run(place, new, number + 1, t, simulated) for t in done]
-                _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done)
+                rows = [hide(t.row) for t in done]
+                _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done, rows)
                 runs += len(done)
     write_tsv(out / "participants.tsv", [[p] for p in people])
     file = study.protocol.file
@@ -172,9 +299,11 @@ def _write_run(place: Path, code: str, session: int, trace: TrialTrace, simulate
     return f"motion/{head}_motion.tsv"
 
 
-def _scans(path: Path, names: Sequence[str], done: Sequence[TrialTrace]) -> None:
+def _scans(
+    path: Path, names: Sequence[str], done: Sequence[TrialTrace], whole: Sequence[Row]
+) -> None:
     # What came of each trial; lists are the samples again, and stay out.
-    rows = [{k: v for k, v in t.row.items() if not isinstance(v, list | dict)} for t in done]
+    rows = [{k: v for k, v in row.items() if not isinstance(v, list | dict)} for row in whole]
     columns = list(dict.fromkeys(k for r in rows for k in r))
     lines = [[n, *(r.get(k) for k in columns)] for n, r in zip(names, rows, strict=True)]
     write_tsv(path, [["filename", *columns], *lines])

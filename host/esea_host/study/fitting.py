@@ -131,8 +131,8 @@ def uses_of(protocol: Protocol) -> list[tuple[StudyTask, Mapping[str, float]]]:
     """Tasks and conditions of all sessions of a protocol, in whichever group."""
     found = []
     for session in range(len(protocol.file.session)):
-        for index in range(max(1, len(protocol.file.groups))):  # a block holds every group
-            for trial in build_plan(protocol, index, session).trials:
+        for group in protocol.file.groups or [""]:
+            for trial in build_plan(protocol, 0, session, group).trials:
                 task, parameters = trial.asked()
                 found.append((task, task.conditions(parameters)))
     return found

@@ -1,4 +1,4 @@
-"""The folder of a study: participants by code, consent, groups, audit, deletion, export.
+"""The folder of a study: participants by code, consent, groups, audit, deletion.
 
 ``protocol.toml`` is the protocol as it was at the start, with the ``tasks`` it names,
 ``audit.jsonl`` the chained record of all that was done, ``<code>/session-<n>/events.jsonl`` each
@@ -7,53 +7,66 @@ session.  No name of a person is anywhere.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import json
 import re
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from datetime import date as calendar_date
+from functools import cached_property
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_gen.files import new_whole
+from esea_gen.files import locked
 from esea_gen.toml_file import read_text
-from esea_host.study.log import EventLog, LoggedEvent, read_log
-from esea_host.study.plan import build_plan, generator, group_of
+from esea_host.study.allocation import Allocations, stratum_named
+from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
+from esea_host.study.plan import build_plan
+from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
+from esea_host.study.records import check_record, lack, program, renamed
 from esea_host.study.session import StudySession, read_session, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
 from esea_host.study.trust import inside, read_code
 
+LONGEST_NAME = 100
+REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
+TEXTS = "texts"
 
-# What the record of a study must hold, by kind, where it is read again.
-_HELD: Mapping[str, Mapping[str, type]] = {
-    "enrolled": {"participant": str},
-    "deleted": {"participant": str},
-    "session_start": {"participant": str, "session": int, "day": int},
-    "session_end": {"participant": str, "session": int, "head": str},
-}
+WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
-def _lack(e: LoggedEvent) -> str:
-    held = _HELD.get(e.kind, {})
-    names = [n for n, kind in held.items() if not isinstance(e.data.get(n), kind)]
-    return f"{e.kind} has no {', '.join(names)}" if names else ""
+def consent_date(text: str) -> str:
+    """Today, or a date in the form 2026-11-26 that is not in the future."""
+    today = calendar_date.today()
+    try:
+        found = calendar_date.fromisoformat(text) if text else today
+    except ValueError:
+        raise UserError(f"{text!r} is no date.", "Give it as 2026-11-26.") from None
+    if found > today:
+        raise UserError(f"{text} is in the future.", "Give the day on which it was signed.")
+    return found.isoformat()
 
 
 class StudyFolder:
-    def __init__(self, path: Path, protocol: Protocol, durable: bool = True) -> None:
-        self.path, self.protocol, self.durable = path, protocol, durable
+    """by: the operator, for the record; a real study takes no entry without one."""
+
+    def __init__(self, path: Path, protocol: Protocol, durable: bool = True, by: str = "") -> None:
+        self.path, self.protocol, self.durable, self.by = path, protocol, durable, by.strip()
         self.left_out: list[Path] = []
+        self._found, self._entries = LogFound(), list[LoggedEvent]()
+        if len(self.by) > LONGEST_NAME or not self.by.isprintable():
+            raise UserError(f"{by!r} is no operator's name.", "Give one of at most 100 letters.")
 
     @classmethod
     def create(
-        cls, path: Path, protocol: Protocol, simulated: bool, durable: bool = True
+        cls, path: Path, protocol: Protocol, simulated: bool, durable: bool = True, by: str = ""
     ) -> StudyFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -63,26 +76,31 @@ class StudyFolder:
             ) from None
         if any(path.iterdir()):
             raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
+        study = cls(path, protocol, durable, by)
+        study.simulated = simulated
+        study.must_know_operator()
         (path / PROTOCOL).write_text(protocol.text, encoding="utf-8")
-        for code in protocol.code:
-            (path / TASKS).mkdir(exist_ok=True)
-            (path / TASKS / code.path.name).write_bytes(code.content)
-        study = cls(path, protocol, durable)
-        content = study.content()
-        study.audit("created", protocol=protocol.file.name, simulated=simulated, content=content)
+        for folder, files in ((TASKS, protocol.code), (TEXTS, protocol.texts)):
+            for file in files:
+                (path / folder).mkdir(exist_ok=True)
+                (path / folder / file.path.name).write_bytes(file.content)
+        about: dict[str, Any] = {"content": study.content(), "program": program()}
+        if not simulated:
+            about |= {"key": fingerprint(study_key(path)), "allocation": "list"}
+        study.record("created", protocol=protocol.file.name, simulated=simulated, **about)
         return study
 
     @classmethod
-    def open(cls, path: Path, durable: bool = True, runs: bool = True) -> StudyFolder:
+    def open(cls, path: Path, durable: bool = True, runs: bool = True, by: str = "") -> StudyFolder:
         """A study that is there."""
         if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
-        files = [path / PROTOCOL, path / AUDIT, *sorted((path / TASKS).glob("*.py"))]
-        for file in files:
+        tasks, texts = sorted((path / TASKS).glob("*.py")), sorted((path / TEXTS).glob("*.toml"))
+        for file in (path / PROTOCOL, path / AUDIT, *tasks, *texts):
             inside(path, file.relative_to(path), str(path))
         text = read_text(path / PROTOCOL, "Name a study's folder.")
-        codes = [read_code(p) for p in files[2:]]
-        return cls(path, parse_protocol(text, PROTOCOL, (), codes, runs), durable)
+        given = [read_code(p) for p in tasks], runs, [read_code(p) for p in texts]
+        return cls(path, parse_protocol(text, PROTOCOL, (), *given), durable, by)
 
     def content_at_first(self) -> Mapping[str, str]:
         """As :meth:`content` when the study was created; empty where it was not recorded."""
@@ -92,44 +110,89 @@ class StudyFolder:
 
     def content(self) -> dict[str, str]:
         found = {PROTOCOL: hashlib.sha256((self.path / PROTOCOL).read_bytes()).hexdigest()}
-        return found | {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        found |= {f"{TASKS}/{c.path.name}": c.sha256 for c in self.protocol.code}
+        return found | {f"{TEXTS}/{t.path.name}": t.sha256 for t in self.protocol.texts}
 
     # -- audit --------------------------------------------------------------------------------
 
-    def audit(self, kind: str, **data: Any) -> None:
-        log = EventLog(self.path / AUDIT, self.durable)
-        log.append(0.0, kind, data)
-        log.close()
+    @cached_property
+    def simulated(self) -> bool:
+        """Whether no real person takes part; decided when the study was created."""
+        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+
+    def must_know_operator(self) -> None:
+        if not self.by and not self.simulated:
+            raise UserError(
+                "In a real study every entry names who made it.",
+                "Say who you are: --operator NAME, or ESEA_OPERATOR.",
+            )
+
+    def record(self, kind: str, **data: Any) -> None:
+        """Add to the audit trail; :data:`~esea_host.study.records.RECORDS` says what a kind needs.
+
+        On disk when this returns; other processes wait meanwhile.
+        """
+        self.record_all([(kind, data)])
+
+    def record_all(self, entries: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
+        entries = list(entries)
+        for kind, data in entries:
+            check_record(kind, data)
+        with self._trail() as log:
+            for kind, data in entries:
+                log.append(None, kind, data)
+
+    @contextmanager
+    def _trail(self) -> Iterator[EventLog]:
+        # Between a look and the entry that depends on it no other process writes.
+        self.must_know_operator()
+        given = self.path / AUDIT, self.durable, self.by, WAIT_S
+        with EventLog(*given, known=self._found) as log:
+            if log.taken_over:
+                log.append(None, "takeover", log.taken_over)
+            yield log
+
+    def trail(self, strict: bool = True) -> list[LoggedEvent]:
+        """Entries of the audit trail; strict=False: of a broken one what can be read."""
+        path = self.path / AUDIT
+        found = read_log(path, self._found)
+        if found is not self._found:
+            self._found, self._entries = found, [renamed(e) for e in found.entries]
+        if strict:
+            found.sound(path)
+        wrong = {e.number: words for e in self._entries if (words := lack(e.kind, e.data))}
+        if strict and wrong:
+            told = "; ".join(f"line {n + 1}: {words}" for n, words in wrong.items())
+            raise UserError(f"{path}: {told}.", "Restore the file from a copy.")
+        return [e for e in self._entries if e.number not in wrong]
 
     def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
-        path = self.path / AUDIT
-        entries = read_log(path).sound(path).entries
-        if problems := [f"line {e.number + 1}: {_lack(e)}" for e in entries if _lack(e)]:
-            raise UserError(f"{path}: {'; '.join(problems)}.", "Restore the file from a copy.")
-        return [(e.kind, e.data) for e in entries]
+        return [(e.kind, e.data) for e in self.trail()]
 
-    @property
-    def simulated(self) -> bool:
-        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+    def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """As :meth:`audited`, of a broken record too: what can be read of it."""
+        return [(e.kind, e.data) for e in self.trail(strict=False)]
 
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         record = read_log(self.path / AUDIT)
         found = [f"{AUDIT}: {b}" for b in record.breaks]
-        found += [f"{AUDIT}: line {e.number + 1}: {_lack(e)}" for e in record.entries if _lack(e)]
+        lacks = [(e.number, lack(e.kind, e.data)) for e in map(renamed, record.entries)]
+        found += [f"{AUDIT}: line {n + 1}: {words}" for n, words in lacks if words]
         begun = self.content_at_first()
         now = self.content() if begun else {}
         for name in sorted({*now, *begun}):
             if now.get(name) != begun.get(name):
                 change = "added" if name not in begun else "changed" if name in now else "removed"
                 found.append(f"{name}: {change} since the study was created")
-        heads = {
-            (d["participant"], d["session"]): d["head"]
-            for k, d in self.audited_anyway()
-            if k == "session_end"
-        }
-        gone = {d["participant"] for k, d in self.audited_anyway() if k == "deleted"}
-        for code, session, path in self.sessions():
+        heads: dict[tuple[str, int], str] = {}
+        for kind, d in self.audited_anyway():
+            if kind == "session_end":
+                heads[d["participant"], d["session"]] = d["head"]
+            elif kind == "repair":  # its end may be in the part that was moved aside
+                heads.pop((d.get("participant", ""), d.get("session", 0)), None)
+        gone = self._with("delete")
+        for code, session, path in self.sessions(every=True):
             log = read_log(path)
             faults = list(log.breaks)
             if log.entries and not faults:
@@ -137,50 +200,99 @@ class StudyFolder:
                     state_of(log, path)
                 except UserError as error:
                     faults = [error.what.removeprefix(f"{path}: ").rstrip(".")]
-            found += [f"{path.relative_to(self.path)}: {b}" for b in faults]
-            head = heads.get((code, session))
+            head = heads.pop((code, session), None)
             if head is not None and head not in {e.hash for e in log.entries}:
-                found.append(f"{path.relative_to(self.path)}: not what it was when it ended")
-        present = {(c, s) for c, s, _ in self.sessions()}
-        for code, session in sorted(set(heads) - present):
+                faults.append("not what it was when it ended")
+            if code in gone:
+                faults.append("of a participant whose data was deleted: delete it again")
+            found += [f"{path.relative_to(self.path)}: {b}" for b in faults]
+        for code, session in sorted(heads):
             if code not in gone:
                 found.append(f"{code}, session {session + 1}: its log is missing")
         return found
-
-    def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """As :meth:`audited`, of a broken record too: what can be read of it."""
-        return [(e.kind, e.data) for e in read_log(self.path / AUDIT).entries if not _lack(e)]
 
     # -- people -------------------------------------------------------------------------------
 
     def participants(self) -> dict[str, int]:
         """Codes in order of coming, those deleted since too: their places are not given again."""
-        codes = [d["participant"] for k, d in self.audited() if k == "enrolled"]
+        codes = [d["participant"] for k, d in self.audited() if k == "enrol"]
         return {code: k for k, code in enumerate(codes)}
 
-    def enrol(self, code: str, consent: bool) -> None:
-        if not CODE.match(code):
-            raise UserError(
-                f"{code!r} is no participant code.",
-                "Codes are one to three capitals and two to four digits, such as P01; never a "
-                "name or initials.",
-            )
-        if not consent:
-            raise UserError(
-                f"{code} has not consented.", "Without written consent nothing starts: --consent."
-            )
-        if code in self.participants():
-            raise UserError(f"{code} is taken.", "Give the next code.")
-        self.audit("enrolled", participant=code, consent=True)
+    def _with(self, kind: str) -> set[str]:
+        return {d["participant"] for k, d in self.audited_anyway() if k == kind}
+
+    def enrol(
+        self,
+        code: str,
+        consent: bool,
+        form: str = "",
+        date: str = "",
+        obtained_by: str = "",
+        strata: Sequence[str] = (),
+    ) -> None:
+        """Take a participant in; of the consent: the form's version, its date, who obtained it.
+
+        strata: ``factor=level`` words of the allocation.
+        """
+        self.enrol_all([code], consent, form, date, obtained_by, strata)
+
+    def enrol_all(
+        self,
+        codes: Sequence[str],
+        consent: bool,
+        form: str = "",
+        date: str = "",
+        obtained_by: str = "",
+        strata: Sequence[str] = (),
+    ) -> None:
+        stratum = stratum_named(self.protocol.file, strata)
+        for code in codes:
+            if not CODE.match(code):
+                raise UserError(
+                    f"{code!r} is no participant code.",
+                    "Codes are one to three capitals and two to four digits, such as P01; never a "
+                    "name or initials.",
+                )
+            if not consent:
+                raise UserError(
+                    f"{code} has not consented.",
+                    "Without written consent nothing starts: --consent.",
+                )
+        given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
+        if not self.simulated:
+            check_record("consent", {"participant": "P", **given})
+        with self._trail() as log:
+            known = self.participants()
+            for code in codes:
+                if code in known:
+                    raise UserError(f"{code} is taken.", "Give the next code.")
+                log.append(None, "enrol", {"participant": code, "stratum": stratum})
+                log.append(None, "consent", {"participant": code, **given})
+
+    def withdraw(self, code: str, reason: str = "") -> None:
+        """A participant withdraws: no more sessions, and the data is used no longer; it is kept."""
+        with self._trail() as log:
+            self._must_be_here(code)
+            log.append(None, "withdraw", {"participant": code, "reason": reason})
+
+    def _must_be_here(self, code: str) -> int:
+        index = self.participants().get(code)
+        if index is None or code in self._with("delete"):
+            raise UserError(f"{code} is not in this study.", "Enrol the participant first.")
+        if code in self._with("withdraw"):
+            raise UserError(f"{code} has withdrawn.", "Nothing more is done with this participant.")
+        return index
 
     def log_of(self, code: str, session: int) -> Path:
         return self.path / code / f"session-{session + 1}" / EVENTS
 
-    def sessions(self) -> Iterator[tuple[str, int, Path]]:
-        for path in sorted(self.path.glob(f"*/session-*/{EVENTS}")):
-            number = path.parent.name.removeprefix("session-")
-            if re.fullmatch("[1-9][0-9]{0,8}", number):
-                yield path.parents[1].name, int(number) - 1, path
+    def sessions(self, code: str = "*", every: bool = False) -> Iterator[tuple[str, int, Path]]:
+        """Code, number and log of each; of participants who have withdrawn only with every=True."""
+        without = set() if every else self._with("withdraw")
+        for path in sorted(self.path.glob(f"{code}/session-*/{EVENTS}")):
+            number, whose = path.parent.name.removeprefix("session-"), path.parents[1].name
+            if re.fullmatch("[1-9][0-9]{0,8}", number) and whose not in without:
+                yield whose, int(number) - 1, path
 
     def leave_out(self, path: Path, error: UserError) -> None:
         if path not in self.left_out:
@@ -190,8 +302,9 @@ class StudyFolder:
     def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
         """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
         found: list[Row] = []
-        for c, session, path in self.sessions():
-            if c == code and (before is None or session < before):
+        mark = {"simulated": self.simulated}  # rows of former versions have none
+        for _, session, path in self.sessions(code):
+            if before is None or session < before:
                 try:
                     past = read_session(path).past
                 except UserError as error:
@@ -199,84 +312,179 @@ class StudyFolder:
                         raise
                     self.leave_out(path, error)
                     continue
-                found += [{**row, "participant": code} for row in past]
+                found += [{**mark, **row, "participant": code} for row in past]
         return tuple(found)
 
     def session(
-        self, code: str, number: int, source: InputSource, day: int | None = None, early: str = ""
+        self,
+        code: str,
+        number: int,
+        source: InputSource | None,
+        day: int | None = None,
+        early: str = "",
+        rehearsal: Path | None = None,
+        device: Mapping[str, Any] | None = None,
     ) -> StudySession:
-        index = self.participants().get(code)
-        if index is None or any(
-            k == "deleted" and d["participant"] == code for k, d in self.audited()
-        ):
-            raise UserError(f"{code} is not in this study.", "Enrol the participant first.")
-        for earlier in range(number):
-            path = self.log_of(code, earlier)
-            if not path.exists() or read_session(path).remaining:
-                raise UserError(
-                    f"{code} has not done session {earlier + 1}.", "Sessions come in their order."
-                )
-        self._washout(code, number, day, early)
-        plan = build_plan(self.protocol, index, number)
-        log, rows = self.log_of(code, number), self.rows(code, number)
+        """Open a session for one writer; source: None only to change its log.
+
+        rehearsal: its log, of :meth:`new_rehearsal`; it is nobody's session: any device, any code,
+        and no data.  device: how it was named, so that the session goes on with the same.
+        """
         stopping = self.protocol.file.stopping
-        return StudySession(log, plan, code, source, rows, self.durable, stopping)
+        about = {"program": program(), "content": self.content(), "device": device or {}}
+        given = self.durable, stopping, self.by, rehearsal is not None, about
+        with self._trail() as trail:
+            if rehearsal is not None:
+                plan = build_plan(self.protocol, REHEARSED, number)
+                session = StudySession(rehearsal, plan, code, source, (), *given)
+                where = rehearsal.relative_to(self.path).as_posix()
+                entry: dict[str, Any] = {"participant": code, "session": number, "log": where}
+                return self._begun(session, trail, "rehearsal", entry)
+            index = self._must_be_here(code)
+            for earlier in range(number):
+                path = self.log_of(code, earlier)
+                if not path.exists() or read_session(path).remaining:
+                    raise UserError(
+                        f"{code} has not done session {earlier + 1}.",
+                        "Sessions come in their order.",
+                    )
+            log = self.log_of(code, number)
+            if source is None and not log.exists():
+                raise UserError(f"{code} has not begun session {number + 1}.", "Name another one.")
+            if source is not None:
+                self.must_suit(source.simulated)
+                self._washout(code, number, day, early)
+            if self.allocations.needs_list:  # else the orders of trials would tell who came when
+                index = int.from_bytes(keyed(self.key, "order", code))
+            plan = build_plan(self.protocol, index, number, self.group(code))
+            rows = self.rows(code, number)
+            session = StudySession(log, plan, code, source, rows, *given)
+            if source is None:
+                return session
+            entry = {"participant": code, "session": number, "day": day, "early": early}
+            return self._begun(session, trail, "session_start", entry)
+
+    def _begun(
+        self, session: StudySession, trail: EventLog, kind: str, entry: Mapping[str, Any]
+    ) -> StudySession:
+        try:
+            trail.append(None, kind, entry)
+        except BaseException:
+            session.close()
+            raise
+        return session
+
+    def new_rehearsal(self, number: int) -> Path:
+        """Where the log of a rehearsal goes: beside the sessions, in a folder of its own."""
+        for k in count(1):
+            with suppress(FileExistsError):
+                folder = self.path / "rehearsals" / str(k)
+                folder.mkdir(parents=True)
+                break
+        return folder / f"session-{number + 1}" / EVENTS
+
+    def must_suit(self, simulated: bool) -> None:
+        """Refuse a simulated device in a study of real people, and the other way round."""
+        if simulated == self.simulated:
+            return
+        study, device = ("simulated", "real")[:: 1 if self.simulated else -1]
+        raise UserError(
+            f"{self.path} is a {study} study, and this device is {device}.",
+            f"Name a {study} device, or try it out with --rehearsal, which uses up nothing.",
+        )
 
     def _washout(self, code: str, number: int, day: int | None, early: str) -> None:
         if day is None:
             return
         wanted = self.protocol.file.session[number].after_days
         begun = [d for k, d in self.audited() if k == "session_start" and d["participant"] == code]
-        last = [d["day"] for d in begun if d["session"] < number]
+        last = [d["day"] for d in begun if d["session"] < number and isinstance(d["day"], int)]
+        if last and day < max(last) and not early:
+            raise UserError(
+                f"{code}: this computer's date is before that of the last session.",
+                "Set its clock, or say why it is so: --early.",
+            )
         if last and day - max(last) < wanted and not early:
             raise UserError(
                 f"{code}: {day - max(last)} days since the last session, {wanted:g} are planned.",
                 "Come back then, or say why not.",
             )
-        self.audit("session_start", participant=code, session=number, day=day, early=early)
 
     def finish(self, code: str, number: int, session: StudySession) -> None:
-        self.audit("session_end", participant=code, session=number, head=session.log.head)
+        if not session.rehearsal:
+            self.record("session_end", participant=code, session=number, head=session.log.head)
+
+    # -- groups -------------------------------------------------------------------------------
+
+    @property
+    def key(self) -> bytes:
+        """The secret key of codes, orders and sealed values."""
+        key = study_key(self.path)
+        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        if created.get("key", fingerprint(key)) != fingerprint(key):
+            raise UserError(
+                f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
+            )
+        return key
+
+    @property
+    def allocations(self) -> Allocations:
+        return Allocations(self.path, self.protocol, self.trail(), self.key)
+
+    def allocate(self, keep: Path, places: int, reason: str = "") -> list[str]:
+        """Draw the sealed list, as a third person; returns its strata."""
+        with self._trail() as trail:
+            entry = self.allocations.make(self.by, keep, places, reason)
+            trail.append(None, "allocate", entry)
+        return list(entry["strata"])
+
+    def disclose(self, code: str, opening: str = "") -> str:
+        """Disclose the group for the first session; returns what the operator may know of it."""
+        with self._trail() as trail:
+            self._must_be_here(code)
+            allocations = self.allocations
+            if allocations.group(code) is not None:
+                return ""
+            entry = allocations.disclose(code, opening, self.by, self.blinded("operator"))
+            trail.append(None, "disclose", entry)
+        group = self.group_shown(code, "operator")
+        return f"{code}: place {entry['place']} of the list, group {group}"
+
+    def group(self, code: str) -> str:
+        group = self.allocations.group(code)
+        if group is None:
+            raise UserError(f"{code} has no group yet.", "Begin with the first session.")
+        return group
+
+    def blinded(self, role: str) -> bool:
+        """Whether a role is blinded by the protocol, and has not been unblinded."""
+        unblinded = {d["role"] for k, d in self.audited_anyway() if k == "unblind"}
+        return role in self.protocol.file.blinded and role not in unblinded
 
     def group_shown(self, code: str, to: str) -> str:
         """The group as it may be shown to ``operator`` or ``participant``."""
-        if to in self.protocol.file.blinded:
+        if self.blinded(to):
             return "blinded"
-        return group_of(self.protocol, self.participants()[code])
+        group = self.allocations.group(code)
+        return "not disclosed yet" if group is None else group
 
     def delete(self, code: str, reason: str) -> int:
         """Delete a participant's data on demand; that it was done stays on record."""
-        if code not in self.participants():
-            raise UserError(f"{code} is not in this study.", "Name a participant of it.")
-        files = [p for p in (self.path / code).rglob("*") if p.is_file()]
-        shutil.rmtree(self.path / code, ignore_errors=True)
-        self.audit("deleted", participant=code, files=len(files), reason=reason)
+        folder = self.path / code
+        with self._trail() as trail:
+            if code not in self.participants():
+                raise UserError(f"{code} is not in this study.", "Name a participant of it.")
+            for _, _, log in self.sessions(code, every=True):
+                with locked(log.with_suffix(".lock"), self.by):
+                    pass  # nobody writes it
+            files = [p for p in folder.rglob("*") if p.is_file() and p.suffix != ".lock"]
+            # First on record: what an interrupt leaves is named by audit, and deleted again.
+            entry = {"participant": code, "files": len(files), "reason": reason}
+            trail.append(None, "delete", entry)
+            shutil.rmtree(folder, ignore_errors=True)
+        if folder.exists():
+            raise UserError(
+                f"{folder}: not everything could be deleted.",
+                "Look at its rights, and at programs that use it; then delete it again.",
+            )
         return len(files)
-
-    # -- export -------------------------------------------------------------------------------
-
-    def new_codes(self, seed: int) -> dict[str, str]:
-        codes = sorted({c for c, _, _ in self.sessions()})
-        order = generator(seed, 3).permutation(len(codes))
-        return {f"S{k + 1:03d}": codes[int(place)] for k, place in enumerate(order)}
-
-    def scrubbed(self, seed: int) -> list[dict[str, Any]]:
-        named = self.new_codes(seed).items()
-        return [
-            {**r, "participant": new} for new, old in named for r in self.rows(old, strict=False)
-        ]
-
-    def export(self, out: Path, seed: int = 0) -> int:
-        """Write data for others: new codes in random order, no notes, no audit, no group order."""
-        rows = self.scrubbed(seed)
-        names = sorted({n for r in rows for n, x in r.items() if not isinstance(x, list | dict)})
-        with new_whole(out) as scratch:
-            scratch.mkdir()
-            with (scratch / "rows.jsonl").open("w", encoding="utf-8") as file:
-                file.writelines(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-            with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
-                writer = csv.DictWriter(file, names, extrasaction="ignore")
-                writer.writeheader()
-                writer.writerows(rows)
-            (scratch / "protocol.toml").write_text(self.protocol.text, encoding="utf-8")
-        return len(rows)

@@ -1,6 +1,7 @@
-"""The event log: append-only, every event on disk at once, chained so that an edit shows.
+"""The event log: append-only, one writer, on disk at once, chained so that an edit shows.
 
-One JSON object a line.  ``hash`` is SHA-256 over the line without it, which holds ``before``, the
+One JSON object a line, with the host's UTC time, whether its clock is synchronised, and who was
+named as the operator.  ``hash`` is SHA-256 over the line without it, which holds ``before``, the
 hash of the line above.  A line that was cut by a crash is set aside on opening, never lost.
 What a chain cannot show is a whole tail cut off: that is why the study's audit log holds the last
 hash of every session.
@@ -8,50 +9,77 @@ hash of every session.
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import math
 import os
+import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import BINARY, locked, utc_now
 from esea_gen.link.received import shown
 
 DEEPEST = 20
 START = "0" * 64
+UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
 
 
 @dataclass(frozen=True)
 class LoggedEvent:
+    """time_s: by the session's own clock; clock: what is known of the host's, which gave utc."""
+
     number: int
     time_s: float
     kind: str
     data: Mapping[str, Any]
     hash: str
+    utc: str = ""
+    clock: str = ""
+    by: str = ""
 
 
 @dataclass(frozen=True)
 class LogFound:
-    """torn: bytes of a last line that a crash has cut; breaks: where the chain does not hold."""
+    """torn: bytes of a last line that a crash has cut; breaks: where the chain does not hold.
 
-    entries: tuple[LoggedEvent, ...]
-    torn: bytes
-    breaks: tuple[str, ...]
+    Before sound_bytes nothing is broken; last_line is the last one there.
+    """
+
+    entries: tuple[LoggedEvent, ...] = ()
+    torn: bytes = b""
+    breaks: tuple[str, ...] = ()
+    sound_bytes: int = 0
+    last_line: bytes = b""
 
     def sound(self, path: Path) -> LogFound:
         """Itself, or an error that names the breaks."""
         if self.breaks:
             raise UserError(
                 f"{path}: the log has been changed: {'; '.join(self.breaks)}.",
-                "Restore the file from a copy; the study goes on only from a sound log.",
+                "Restore the file from a copy, or have what is behind the break moved aside: "
+                "esea-host study repair FOLDER.",
             )
         return self
+
+
+@dataclass(frozen=True)
+class MovedAside:
+    """What a repair took out of a log: the file that has it now, and the lines that are intact."""
+
+    file: str
+    sha256: str
+    breaks: tuple[str, ...]
+    lines: tuple[LoggedEvent, ...]
 
 
 @contextmanager
@@ -110,20 +138,50 @@ def _hash(fields: Mapping[str, Any]) -> str:
     return hashlib.sha256(_canonical(fields).encode()).hexdigest()
 
 
-def read_log(path: Path) -> LogFound:
-    raw = path.read_bytes()
+def clock_state() -> str:
+    """Whether the host's clock is synchronised, as far as its system tells."""
+    try:
+        system = ctypes.CDLL(None)
+        ask = system.ntp_adjtime if sys.platform == "darwin" else system.adjtimex
+        found = ask(ctypes.create_string_buffer(512))  # modes 0: nothing is set
+    except (AttributeError, OSError, TypeError):
+        found = -1
+    if found < 0:
+        return "synchronisation unknown"
+    return "not synchronised" if found == UNSYNCHRONISED else "synchronised"
+
+
+def _behind_s(utc: str, before: str) -> float:
+    try:
+        return (datetime.fromisoformat(before) - datetime.fromisoformat(utc)).total_seconds()
+    except (TypeError, ValueError):
+        return 0.0
+
+
+def read_log(path: Path, known: LogFound | None = None) -> LogFound:
+    """What a log holds; known: what was read of it before, of which only the end is checked."""
+    with path.open("rb") as file:
+        if known is not None and known.entries and not known.breaks:
+            file.seek(known.sound_bytes - len(known.last_line))
+            raw = file.read()
+            if raw == known.last_line and not known.torn:
+                return known
+            if raw.startswith(known.last_line):
+                return _read(raw[len(known.last_line) :], known)
+            file.seek(0)
+        return _read(file.read(), LogFound())
+
+
+def _read(raw: bytes, known: LogFound) -> LogFound:
     whole, _, torn = raw.rpartition(b"\n")
-    entries: list[LoggedEvent] = []
-    breaks: list[str] = []
-    before = START
-    for k, line in enumerate(whole.split(b"\n") if whole else []):
+    entries, breaks, before = list(known.entries), list[str](), START
+    sound_bytes, last_line = known.sound_bytes, known.last_line
+    if entries:
+        before = entries[-1].hash
+    for k, line in enumerate(whole.split(b"\n") if whole else [], len(entries)):
         try:
-            fields = json.loads(line)
-            own = fields.pop("hash")
-            entry = LoggedEvent(fields["n"], fields["t"], fields["kind"], {**fields["data"]}, own)
-            if not isinstance(entry.kind, str) or not isinstance(entry.time_s, int | float):
-                raise TypeError
-            wrong = "its content was edited" if _hash(fields) != own else ""
+            entry, fields = _entry(line)
+            wrong = "its content was edited" if _hash(fields) != entry.hash else ""
             if not wrong and fields["before"] != before:
                 wrong = "a line before it was removed, added or replaced"
             if not wrong and entry.number != k:
@@ -134,26 +192,89 @@ def read_log(path: Path) -> LogFound:
         if wrong:
             breaks.append(f"line {k + 1}: {wrong}")
         entries.append(entry)
-        before = own
-    return LogFound(tuple(entries), torn, tuple(breaks))
+        before = entry.hash
+        if not breaks:
+            sound_bytes, last_line = sound_bytes + len(line) + 1, line + b"\n"
+    return LogFound(tuple(entries), torn, tuple(breaks), sound_bytes, last_line)
+
+
+def _entry(line: bytes) -> tuple[LoggedEvent, dict[str, Any]]:
+    fields = json.loads(line)
+    own = fields.pop("hash")
+    time_s, data = fields.get("t", 0.0), {**fields["data"]}
+    words = [fields.get(k, "") for k in ("utc", "clock", "by")]
+    texts = fields["kind"], own, *words
+    if not isinstance(time_s, int | float) or not all(isinstance(x, str) for x in texts):
+        raise TypeError
+    return LoggedEvent(fields["n"], time_s, fields["kind"], data, own, *words), fields
 
 
 class EventLog:
-    """A log for appending; durable: each event waits for the disk (not for simulated people)."""
+    """A log for appending; a lock beside it keeps every other writer out until it is closed.
 
-    def __init__(self, path: Path, durable: bool = True) -> None:
-        self.path, self.durable = path, durable
-        self.found = LogFound((), b"", ())
+    durable: each event waits for the disk (not for simulated people).  mend: whatever is behind a
+    break is moved into a file beside the log, and a lock of another host counts as that of a dead
+    holder; taken_over: what a holder that died had left in the lock.  known: as of read_log.
+    """
+
+    moved_aside: MovedAside | None = None
+
+    def __init__(
+        self,
+        path: Path,
+        durable: bool = True,
+        by: str = "",
+        wait_s: float = 0.0,
+        mend: bool = False,
+        known: LogFound | None = None,
+    ) -> None:
+        self.path, self.durable, self.by = path, durable, by
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            self.found = read_log(path).sound(path)
-        self._count = len(self.found.entries)
-        self._before = self.found.entries[-1].hash if self._count else START
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        if not self._count:
-            _sync(path.parent)
-        if self.found.torn:
-            self._set_aside(self.found.torn)
+        with ExitStack() as held:
+            lock = locked(path.with_suffix(".lock"), by, wait_s, mend)
+            self.taken_over = held.enter_context(lock)
+            new = not path.exists()
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | BINARY, 0o644)
+            held.callback(os.close, self._file)
+            if new:
+                _sync(path.parent)
+            self.found = read_log(path, known)
+            if mend and self.found.breaks:
+                self.moved_aside = self._move_aside()
+                self.found = read_log(path)
+            self.found.sound(path)
+            if self.found.torn:
+                self._set_aside(self.found.torn)
+            self._held = held.pop_all()
+        last = self.found.entries[-1] if self.found.entries else None
+        self._count, self._before = len(self.found.entries), last.hash if last else START
+        self._utc = last.utc if last else ""
+        self._size, self._line = self.found.sound_bytes, self.found.last_line
+
+    def __enter__(self) -> EventLog:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _move_aside(self) -> MovedAside:
+        rest = self.path.read_bytes()[self.found.sound_bytes :]
+        names = (self.path.with_suffix(f".aside-{k}.jsonl") for k in count(1))
+        aside = next(p for p in names if not p.exists())
+        with aside.open("xb") as file:
+            file.write(rest)
+            file.flush()
+            os.fsync(file.fileno())
+        _sync(aside.parent)
+        os.ftruncate(self._file, self.found.sound_bytes)
+        os.fsync(self._file)
+        lines = []
+        for line in rest.split(b"\n"):
+            with suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                entry, fields = _entry(line)
+                lines += [entry] if _hash(fields) == entry.hash else []
+        digest = hashlib.sha256(rest).hexdigest()
+        return MovedAside(aside.name, digest, self.found.breaks, tuple(lines))
 
     def _set_aside(self, torn: bytes) -> None:
         # On disk beside the log before it leaves the log.
@@ -168,13 +289,43 @@ class EventLog:
     def head(self) -> str:
         return self._before
 
-    def append(self, time_s: float, kind: str, data: Mapping[str, Any]) -> None:
-        held = plain({"t": time_s, "data": data}, kind)
-        fields = {"n": self._count, "kind": kind, "before": self._before, **held}
+    def append(self, time_s: float | None, kind: str, data: Mapping[str, Any]) -> None:
+        """Write an event; time_s: by the session's clock, where there is one."""
+        held = plain({"data": data} if time_s is None else {"t": time_s, "data": data}, kind)
+        utc, clock = utc_now(), clock_state()
+        if (behind_s := _behind_s(utc, self._utc)) > 0:
+            clock += f", {behind_s:g} s behind the event before"
+        stamp = {"utc": utc, "clock": clock, "by": self.by}
+        fields = {"n": self._count, "kind": kind, "before": self._before, **stamp, **held}
         # As read back: tuples are lists, and the hash is that of what is on disk.
         own = _hash(fields)
-        self._write(_canonical({**fields, "hash": own}).encode() + b"\n")
-        self._count, self._before = self._count + 1, own
+        line = _canonical({**fields, "hash": own}).encode() + b"\n"
+        self._check_end()
+        try:
+            self._write(line)
+        except BaseException:  # a full disk, an interrupt: nothing is left half written
+            with suppress(OSError):
+                os.ftruncate(self._file, self._size)
+            raise
+        self._size, self._line = self._size + len(line), line
+        self._count, self._before, self._utc = self._count + 1, own, utc
+
+    def _check_end(self) -> None:
+        # The lock keeps our own programs out, not an editor, nor one that synchronises folders.
+        try:
+            there = self.path.stat()
+            same = os.path.samestat(there, os.fstat(self._file)) and there.st_size == self._size
+            if same and self._line:
+                os.lseek(self._file, self._size - len(self._line), os.SEEK_SET)
+                same = os.read(self._file, len(self._line)) == self._line
+        except FileNotFoundError:
+            same = False
+        if not same:
+            raise UserError(
+                f"{self.path}: another program has changed it since its line {self._count}; "
+                "nothing more was written into it.",
+                "Keep other programs off the folder; then: esea-host study repair FOLDER.",
+            )
 
     def _write(self, line: bytes) -> None:
         rest = memoryview(line)
@@ -184,11 +335,13 @@ class EventLog:
             os.fsync(self._file)
 
     def close(self) -> None:
-        os.close(self._file)
+        self._held.close()
 
 
 def _sync(folder: Path) -> None:
-    # So that the name of a new file is on disk as well.
+    # So that the name of a new file is on disk as well; Windows has no such call.
+    if sys.platform == "win32":
+        return
     file = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(file)

@@ -50,8 +50,7 @@ def run_everybody(
     folder = folder.resolve()
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
     codes = [code_of(k) for k in range(participants)]
-    for code in codes:
-        study.enrol(code, consent=True)
+    study.enrol_all(codes, consent=True)
     trusted = [c.sha256 for c in study.protocol.code]
     work, cases = partial(_everything, folder, sources, trusted), enumerate(codes)
     if cluster is None:
@@ -65,9 +64,11 @@ def run_everybody(
             f"Workers of {cluster} died: {participants - len(found)} participants are missing.",
             "Run it again in a new folder.",
         )
-    for code, number, path in study.sessions():
-        head = read_log(path).entries[-1].hash
-        study.audit("session_end", participant=code, session=number, head=head)
+    ends = [
+        {"participant": code, "session": number, "head": read_log(path).entries[-1].hash}
+        for code, number, path in study.sessions()
+    ]
+    study.record_all(("session_end", end) for end in ends)
     return sorted(filter(None, found))
 
 

@@ -6,12 +6,21 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_host.study.protocol import GROUP, Protocol, TrialBlock, TrialRows, parameters_of
+from esea_host.study.protocol import (
+    GROUP,
+    Protocol,
+    ProtocolFile,
+    TrialBlock,
+    TrialRows,
+    block_sizes,
+    parameters_of,
+)
 from esea_host.study.task import StudyTask, task_named
 
 
@@ -57,7 +66,7 @@ def generator(*words: int) -> np.random.Generator:
 
 
 def group_of(protocol: Protocol, index: int) -> str:
-    """Group of participant ``index``: permuted blocks, equal after every block."""
+    """Group by the protocol's seed, for simulated people: whoever has the seed can predict it."""
     groups = sorted(protocol.file.groups)
     if not groups:
         return ""
@@ -66,14 +75,35 @@ def group_of(protocol: Protocol, index: int) -> str:
     return groups[int(order[place])]
 
 
-def build_plan(protocol: Protocol, index: int, session: int) -> Plan:
+def guessed_share(file: ProtocolFile) -> float:
+    """Bound on the share guessed right by who knows all past allocations and every block's size.
+
+    Blackwell and Hodges (1957): the best guess is the group with the most places left in the block.
+    """
+
+    @cache
+    def right(left: tuple[int, ...]) -> float:
+        n = sum(left)
+        after = (
+            x / n * right(tuple(sorted((*left[:k], x - 1, *left[k + 1 :]))))
+            for k, x in enumerate(left)
+            if x
+        )
+        return max(left) / n + sum(after) if n else 0.0
+
+    sizes, k = block_sizes(file), len(file.groups)
+    return sum(right((size // k,) * k) for size in sizes) / sum(sizes)
+
+
+def build_plan(protocol: Protocol, index: int, session: int, group: str | None = None) -> Plan:
+    """index: of the participant, for the orders; without a group that of the protocol's seed."""
     file = protocol.file
     if not 0 <= session < len(file.session):
         raise UserError(
             f"{protocol.origin} has {len(file.session)} sessions, not a session {session + 1}.",
             "Name one of them.",
         )
-    group = group_of(protocol, index)
+    group = group_of(protocol, index) if group is None else group
     chosen = file.session[session]
     trials: list[PlannedTrial] = []
     for b, block in enumerate(chosen.block):
@@ -131,12 +161,16 @@ def explain(protocol: Protocol) -> str:
     for group, order in sorted(file.groups.items()):
         lines.append(f"  group {group}: " + ", then ".join(order))
     if file.groups:
+        sizes = ", ".join(map(str, block_sizes(file)))
         lines.append(
-            f"  who comes is put into a group by permuted blocks of {len(file.groups)} "
-            f"(seed {file.seed})"
+            f"  groups come from a sealed list of permuted blocks of random size ({sizes}), "
+            "disclosed at the first session; who knows all past ones guesses at most "
+            f"{guessed_share(file):.0%} right, by chance {1 / len(file.groups):.0%}"
         )
+        for factor, levels in file.allocation.strata.items():
+            lines.append(f"  stratified by {factor}: {', '.join(levels)}")
     if file.blinded:
-        lines.append("  the group is shown neither to: " + " nor to: ".join(file.blinded))
+        lines.append(f"  the group is not shown to: {', '.join(file.blinded)}")
     for k, session in enumerate(file.session):
         plan = build_plan(protocol, 0, k)
         longest, rests = durations_s(plan)

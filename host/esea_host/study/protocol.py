@@ -14,6 +14,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
 from esea_host.study.task import StudyTask, load_tasks, task_named
 from esea_host.study.trust import TaskCode, allow, inside, read_code
+from esea_host.study.words import Words, language_of, words_of
 
 GROUP = "group"
 SEE = "docs/studies-with-people.md"
@@ -72,6 +73,19 @@ class StudyCondition(_Table):
     parameters: dict[str, Any] = Field({}, description="for tasks that have them")
 
 
+class GroupAllocation(_Table):
+    """How the list of ``study allocate`` is drawn."""
+
+    blocks: tuple[int, ...] = Field(
+        (),
+        description="sizes of the permuted blocks, drawn at random; without them 2, 3 and 4 times "
+        "the number of groups",
+    )
+    strata: dict[str, tuple[str, ...]] = Field(
+        {}, description="factors and their levels: a list for each combination of levels"
+    )
+
+
 class ProtocolFile(_Table):
     """A whole study."""
 
@@ -80,13 +94,18 @@ class ProtocolFile(_Table):
     title: str = Field(description="one line")
     seed: int = Field(ge=0, le=2**31 - 1, description="of every random order of the study")
     tasks: tuple[str, ...] = Field((), description="files with tasks, beside this one")
-    blinded: tuple[Literal["operator", "participant"], ...] = Field(
+    language: str = Field("en", pattern="^[a-z]{2,3}$", description="of both windows")
+    texts: tuple[str, ...] = Field(
+        (), description="files with texts, beside this one, such as own.de.toml"
+    )
+    blinded: tuple[Literal["operator", "participant", "analyst"], ...] = Field(
         (), description="who does not see the group"
     )
     conditions: dict[str, StudyCondition] = Field({}, description="conditions by name")
     groups: dict[str, tuple[str, ...]] = Field(
         {}, description="cross-over: per group, the condition of each session"
     )
+    allocation: GroupAllocation = Field(GroupAllocation(), description="of participants to groups")
     stopping: Stopping = Field(Stopping(), description="when a session ends early")
     session: tuple[SessionPlan, ...] = Field(min_length=1, description="the sessions")
 
@@ -97,6 +116,15 @@ class Protocol:
     text: str
     origin: str
     code: tuple[TaskCode, ...] = ()
+    texts: tuple[TaskCode, ...] = ()
+
+    def words(self, language: str = "") -> Words:
+        """Texts of a language, or of the protocol's own; the study's files go over the shipped."""
+        language = language or self.file.language
+        for own in self.texts:
+            if language_of(own.path) == language:
+                return words_of(language, own.content, own.path.name)
+        return words_of(language)
 
     def line(self, *loc: str | int) -> str:
         """``protocol.toml, line 12``: where something stands."""
@@ -118,16 +146,27 @@ def parse_protocol(
     folders: Sequence[Path] = (),
     codes: Sequence[TaskCode] = (),
     runs: bool = True,
+    texts: Sequence[TaskCode] = (),
 ) -> Protocol:
     """From text; runs=False: no code is run, and what depends on a task is not checked."""
     document = parse_toml(text, origin, SEE)
     file = checked(ProtocolFile, document, origin, lambda _: "", text)
-    where = Protocol(file, text, origin).line("tasks")
-    own = [read_code(inside(f, Path(t), where)) for f in folders for t in file.tasks]
-    protocol = Protocol(file, text, origin, (*own, *codes))
-    names = [c.path.name for c in protocol.code]
-    if twice := sorted({n for n in names if names.count(n) > 1}):
-        raise UserError(f"{where}: several files {', '.join(twice)}.", "Give each another name.")
+    bare = Protocol(file, text, origin)
+
+    def beside(key: str, names: Sequence[str]) -> list[TaskCode]:
+        return [read_code(inside(f, Path(n), bare.line(key))) for f in folders for n in names]
+
+    own, own_texts = beside("tasks", file.tasks), beside("texts", file.texts)
+    protocol = Protocol(file, text, origin, (*own, *codes), (*own_texts, *texts))
+    for key, names in (
+        ("tasks", [c.path.name for c in protocol.code]),
+        ("texts", [language_of(t.path) for t in protocol.texts]),
+    ):
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            where = f"{bare.line(key)}: several files {', '.join(twice)}."
+            raise UserError(where, "Give each another name.")
+    for language in {file.language, *(language_of(t.path) for t in protocol.texts)}:
+        protocol.words(language)
     if runs:
         load_tasks(protocol.code)
         _check(protocol)
@@ -146,8 +185,39 @@ def parameters_of(
     return found
 
 
+def block_sizes(file: ProtocolFile) -> tuple[int, ...]:
+    return file.allocation.blocks or tuple(k * len(file.groups) for k in (2, 3, 4))
+
+
+def group_decides(file: ProtocolFile, session: int, block: str) -> bool:
+    """Whether the group decides the condition of a block, by its name in the log."""
+    by_group = {b.name for b in file.session[session].block if b.condition == GROUP}
+    return block in by_group or block.rpartition(" ")[0] in by_group
+
+
+def _check_allocation(protocol: Protocol) -> None:
+    file, where = protocol.file, protocol.line("allocation")
+    if file.allocation != GroupAllocation() and not file.groups:
+        raise UserError(f"{where}: there are no groups.", "Add [groups].")
+    sizes, groups = file.allocation.blocks, len(file.groups)
+    if sizes and (len(set(sizes)) < 2 or any(s <= 0 or s % groups or s > 100 for s in sizes)):
+        raise UserError(
+            f"{where}: blocks = {list(sizes)}; at least two different sizes are needed, each a "
+            f"multiple of the {groups} groups and at most 100.",
+            f"Write for example: blocks = {[k * groups for k in (2, 3, 4)]}.",
+        )
+    for factor, levels in file.allocation.strata.items():
+        if not levels or len(set(levels)) < len(levels) or any(c in "=,|" for c in factor):
+            raise UserError(
+                f"{protocol.line('allocation', 'strata', factor)}: factor {factor!r} has the "
+                f"levels {list(levels)}.",
+                "Name each level once; a factor's name has no '=', ',' or '|'.",
+            )
+
+
 def _check(protocol: Protocol) -> None:
     file = protocol.file
+    _check_allocation(protocol)
     for group, order in file.groups.items():
         where = protocol.line("groups", group)
         if len(order) != len(file.session):

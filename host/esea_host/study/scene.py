@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
-from string import Formatter
-from typing import Any, Literal
+from typing import Literal
 
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from esea_gen.errors import UserError
+from esea_host.study.words import ENGLISH, words_of
 
 Kind = Literal["disc", "ring", "square", "line"]
 # Okabe and Ito's colours: told apart with any common colour blindness; shape and size tell too.
@@ -54,7 +50,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Text:
-    """A text by its key in the message catalogue, with the numbers and words that go into it."""
+    """A text by its key in the table ``scene`` of the texts, with the numbers that go into it."""
 
     key: str
     values: Mapping[str, str | float | int] = field(default_factory=dict)
@@ -74,35 +70,7 @@ class Scene:
         return hashlib.sha256(repr((shapes, texts, self.half_width)).encode()).digest()
 
 
-CATALOGUES = Path(__file__).parent / "messages"
-
-
-@cache
-def catalogue(language: str) -> Mapping[str, str]:
-    """Texts of a language: ``messages/<language>.toml``; adding a language is adding a file."""
-    path = CATALOGUES / f"{language}.toml"
-    if not path.exists():
-        known = ", ".join(sorted(p.stem for p in CATALOGUES.glob("*.toml")))
-        raise UserError(f"There are no texts in the language {language!r}.", f"There are: {known}.")
-    return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
-def said(text: Text, language: str = "en") -> str:
-    """The words of a text; a key that a catalogue has not is shown as it is."""
-    words = catalogue(language)
-    return _Numbers(words["decimal"]).format(words.get(text.key, text.key), **text.values)
-
-
-class _Numbers(Formatter):
-    def __init__(self, decimal: str) -> None:
-        self._decimal = decimal
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        words = str(super().format_field(value, format_spec))
-        return words.replace(".", self._decimal) if isinstance(value, float) else words
-
-
-def draw(scene: Scene, language: str = "en") -> Figure:
+def draw(scene: Scene, language: str = ENGLISH) -> Figure:
     figure = Figure(figsize=(5, 5), facecolor=COLOURS["background"])
     axes = figure.add_axes((0, 0, 1, 1))
     half = scene.half_width
@@ -119,5 +87,6 @@ def draw(scene: Scene, language: str = "en") -> Figure:
             axes.add_patch(Circle((s.x, s.y), s.size, color=colour, fill=s.kind == "disc", lw=2))
     for k, text in enumerate(scene.texts):
         where = (0, half * (0.9 - 0.12 * k))
-        axes.text(*where, said(text, language), color=COLOURS["text"], ha="center", fontsize=13)
+        words = words_of(language).scene(text.key, text.values)
+        axes.text(*where, words, color=COLOURS["text"], ha="center", fontsize=13)
     return figure

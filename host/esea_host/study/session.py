@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.errors import UserError
+from esea_gen.link.transport import LinkError
 from esea_host.study.edge import checked_step, finite, of_task
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, plain, read_log, well_formed
 from esea_host.study.plan import Plan, PlannedTrial, plan_from
 from esea_host.study.protocol import Stopping
 from esea_host.study.scene import Scene
-from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
+from esea_host.study.source import InputSource, SessionWatcher, SimulatedSource, TrialOnly
 from esea_host.study.task import (
     Inputs,
     Row,
@@ -24,11 +25,13 @@ from esea_host.study.task import (
     TaskStep,
     task_named,
 )
+from esea_host.study.words import keyed
 
 PENDING, RUNNING, COMPLETED = "pending", "running", "completed"
 ABORTED, FAILED = "aborted", "failed"
 # What every row has, beside the columns of its task.
 ABOUT = {"trial", "session", "block", "task", "condition", "catch", "familiarisation"}
+ONLY_REHEARSED = "rehearsal"  # in rows that are never data
 # So many samples go to disk together; an event, and the end of a trial, takes them along at once.
 CHUNK = 50
 
@@ -46,6 +49,10 @@ class SessionState:
     ended: str
     torn: int
     last_s: float
+    simulated: bool
+    rehearsal: bool
+    about: Mapping[str, Any]
+    content_hash: str
 
     @property
     def remaining(self) -> tuple[PlannedTrial, ...]:
@@ -87,17 +94,21 @@ def _state_of(found: LogFound) -> SessionState:
     for row in past:
         if lacking := ABOUT - row.keys():
             raise KeyError(f"row without {', '.join(sorted(lacking))}")
-    running = next((n for n, s in states.items() if s == RUNNING), None)
+    boards = (e.data.get("content_hash") for e in found.entries if e.kind == "ready")
     return SessionState(
-        head["participant"],
-        plan,
-        states,
-        reasons,
-        running,
-        tuple(past),
-        ended,
-        len(found.torn),
-        found.entries[-1].time_s,
+        participant=head["participant"],
+        plan=plan,
+        states=states,
+        reasons=reasons,
+        running=next((n for n, s in states.items() if s == RUNNING), None),
+        past=tuple(past),
+        ended=ended,
+        torn=len(found.torn),
+        last_s=found.entries[-1].time_s,
+        simulated=bool(head.get("simulated")),
+        rehearsal=bool(head.get("rehearsal")),
+        about=dict(head.get("about", {})),
+        content_hash=next(filter(None, boards), ""),
     )
 
 
@@ -119,33 +130,62 @@ def _corrected(row: Row, change: Mapping[str, Any]) -> Row:
 
 
 class StudySession:
-    """One participant's session; continues a log that is there, whose plan must be the same."""
+    """One participant's session; continues a log that is there, whose plan must be the same.
+
+    source: None to change the log only; about: what it is run with, for the record.
+    """
 
     def __init__(
         self,
         path: Path,
         plan: Plan,
         participant: str,
-        source: InputSource,
+        source: InputSource | None,
         earlier: Sequence[Row] = (),
         durable: bool = True,
         stopping: Stopping | None = None,
+        by: str = "",
+        rehearsal: bool = False,
+        about: Mapping[str, Any] | None = None,
     ) -> None:
-        self.log = EventLog(path, durable)
-        self.source, self.earlier, self.stopping = source, tuple(earlier), stopping or Stopping()
+        self.earlier, self.stopping = tuple(earlier), stopping or Stopping()
+        self.about = about or {}
         self._offset_s = 0.0
-        if self.log.found.entries:
-            self.state = state_of(self.log.found, path)
+        self.log = EventLog(path, durable, by)
+        try:
+            if not self.log.found.entries and source is not None:
+                marks = {"simulated": source.simulated, "rehearsal": rehearsal}
+                data = {"participant": participant, "plan": asdict(plan), "digest": plan.digest()}
+                self.log.append(0.0, "session", {**data, **marks, "about": self.about})
+            self.state = read_session(path)
             if self.state.plan.digest() != plan.digest():
                 raise UserError(
                     f"{path}: the session was begun with another protocol or version of a task.",
                     "Go on with the protocol that it was begun with: it is kept in the study.",
                 )
+            if source is not None and source.simulated != self.state.simulated:
+                was, now = ("simulated", "real")[:: 1 if self.state.simulated else -1]
+                raise UserError(
+                    f"{path}: the session was begun on a {was} device; this one is {now}.",
+                    "Go on with the device that it was begun on: leave --device out.",
+                )
+        except BaseException:
+            self.close()
+            raise
+        if self.log.found.entries:
             self._offset_s = self.state.last_s
-        else:
-            data = {"participant": participant, "plan": asdict(plan), "digest": plan.digest()}
-            self.log.append(0.0, "session", data)
-            self.state = state_of(read_log(path), path)
+        if self.log.taken_over:
+            self.log.append(self._offset_s, "takeover", self.log.taken_over)
+        self.source = source or SimulatedSource(0)
+        self._may_run, self._content_hash = source is not None, self.state.content_hash
+
+    @property
+    def rehearsal(self) -> bool:
+        return self.state.rehearsal
+
+    @property
+    def simulated(self) -> bool:
+        return self.state.simulated
 
     def say(self, kind: str, /, **data: Any) -> None:
         """Write an event; it is on disk when this returns. Only in the session's thread."""
@@ -157,13 +197,16 @@ class StudySession:
         stop: Callable[[], str] = lambda: "",
         watcher: SessionWatcher | None = None,
     ) -> str:
+        if not self._may_run:
+            raise ValueError("a session that was opened without a source does not run")
         watcher = watcher or SessionWatcher(show, stop)
         source = self.source
         source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
         if self.state.running is not None:
-            self._end(self.state.running, ABORTED, "the program was cut off", None)
+            self._end(self.state.running, ABORTED, keyed("reason.cut_off"), None)
         if self.log.found.entries:
-            self.say("resume", torn_bytes=self.state.torn, running=self.state.running)
+            torn, running = len(self.log.found.torn), self.state.running
+            self.say("resume", torn_bytes=torn, running=running, about=self.about)
         reason = self._make_ready() or self._trials(watcher)
         self.say("end", reason=reason, completed=not reason)
         self._reread()
@@ -171,6 +214,11 @@ class StudySession:
 
     def _make_ready(self) -> str:
         ready = dict(self.source.ready())
+        now = ready.get("content_hash", "")
+        self._content_hash = self._content_hash or now
+        if now != self._content_hash:
+            begun = f"the session was begun with firmware of content hash {self._content_hash}"
+            ready["problem"] = f"{begun}; this board, {ready.get('device')}, has {now}"
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
@@ -202,7 +250,7 @@ class StudySession:
                     return why
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules.longest_min:
-                return f"longer than {rules.longest_min:g} min"
+                return keyed("reason.too_long", minutes=rules.longest_min)
             if why := self.source.before(trial):
                 return why
             ended, row, reason = self._trial(trial, tuple(past), watcher)
@@ -214,7 +262,7 @@ class StudySession:
             elif not isinstance(reason, TrialOnly):
                 return reason
             if failed >= rules.failed_in_a_row:
-                return f"{failed} trials in a row failed, the last one: {reason}"
+                return keyed("reason.failed_in_a_row", failed=failed, reason=reason)
 
     def _trial(
         self, trial: PlannedTrial, past: tuple[Row, ...], watcher: SessionWatcher
@@ -241,7 +289,7 @@ class StudySession:
                 inputs = {**inputs, **pressed}
                 lost = [n for n, x in inputs.items() if not finite(x)]
                 if lost:
-                    ended, reason = FAILED, f"no number comes from: {', '.join(lost)}"
+                    ended, reason = FAILED, keyed("reason.no_number", names=", ".join(lost))
                     break
                 inputs = plain(inputs, "inputs")  # as they are read back for a replay
                 step = checked_step(task, of_task(task, task.step, state, time_s, inputs))
@@ -252,15 +300,21 @@ class StudySession:
                     reason = step.outcome.reason
                     ended = FAILED if step.outcome.row is None else COMPLETED
                     if step.outcome.row is not None:
-                        row = _whole_row(step.outcome.row, trial, self.state.plan)
+                        row = self._whole_row(step.outcome.row, trial)
                     break
-        except (TaskBrokenError, UserError) as error:
+        except (TaskBrokenError, UserError, LinkError) as error:
             ended, row, reason = FAILED, None, str(error)
         frames.flush()
         self.source.over(trial.number, ended)
         self._end(trial.number, ended, reason, row)
         watcher.ends(trial.number, ended, reason, row or {})
         return ended, row, reason
+
+    def _whole_row(self, row: Row, trial: PlannedTrial) -> dict[str, Any]:
+        about = {name: getattr(trial, name) for name in ABOUT - {"trial", "session"}}
+        about |= {"trial": trial.number, "session": self.state.plan.session}
+        about["simulated"] = self.simulated
+        return about | ({ONLY_REHEARSED: True} if self.rehearsal else {}) | dict(row)
 
     def _end(self, number: int, state: str, reason: str, row: Row | None) -> None:
         self.say("trial_end", trial=number, state=state, reason=reason, row=row)
@@ -306,13 +360,6 @@ class StudySession:
 
 def situation_of(trial: PlannedTrial, past: tuple[Row, ...]) -> Situation:
     return Situation(trial.asked()[1], trial.condition, past, trial.seed)
-
-
-def _whole_row(row: Row, trial: PlannedTrial, plan: Plan) -> dict[str, Any]:
-    kept = ("block", "task", "condition", "catch", "familiarisation")
-    about = {"trial": trial.number, "session": plan.session}
-    about |= {name: getattr(trial, name) for name in kept}
-    return {**about, **row}
 
 
 class _Frames:

@@ -78,6 +78,11 @@ class InputSource(ABC):
     say: Callable[..., None] = staticmethod(lambda *_, **__: None)
     paused: bool = False
 
+    @property
+    @abstractmethod
+    def simulated(self) -> bool:
+        """Whether no real person, or no real device, is behind it."""
+
     def listen_to(self, other: InputSource) -> None:
         self.ask, self.waits, self.say = other.ask, other.waits, other.say
 
@@ -138,12 +143,14 @@ class _Timed(Actor):
 class SimulatedSource(InputSource):
     """Each trial is done by :meth:`StudyTask.simulate`; rests pass in no time."""
 
+    simulated = True
+
     def __init__(self, seed: int) -> None:
         self.seed, self._past_s = seed, 0.0
         self._actor: _Timed | None = None
 
     def ready(self) -> Mapping[str, Any]:
-        return {"simulated": True}
+        return {"simulated": self.simulated}
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         self._past_s = self.now_s()

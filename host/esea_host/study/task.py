@@ -97,7 +97,7 @@ class StudyTask(ABC):
 
     name: ClassVar[str]
     version: ClassVar[str] = "1"
-    title: ClassVar[str]
+    title: ClassVar[str] = ""
     Parameters: ClassVar[type[TaskParameters]] = TaskParameters
     columns: ClassVar[tuple[DataColumn, ...]]
     inputs: ClassVar[Mapping[str, TaskSignal]] = {}

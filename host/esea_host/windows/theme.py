@@ -64,6 +64,12 @@ DARK = Theme(
     *("#56b4e9", "#f0a04b", "#e08cc0", "#ff6b5e", "#3fc79a"),
     ("#3fc79a", "#e08cc0", "#56b4e9", "#f0a04b", "#b3a6ff", "#e6df5a", "#e4e9ee", "#62d6e8"),
 )
+# White letters on it: 4.5 to 1.
+BANNER_GROUND = "#9a4b00"
+BANNER_STYLE = (
+    f"background: {BANNER_GROUND}; color: white; font-weight: bold; padding: 2px 8px;"
+    " border-radius: 3px"
+)
 STOP_STYLE = (
     "QPushButton {background: #b3261e; color: white; font-size: 20px; font-weight: bold;"
     " border-radius: 6px; padding: 10px 26px;}"

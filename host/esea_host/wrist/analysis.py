@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_host.statistics import NoStatisticError, holm, signed_rank
+from esea_host.study.exchange import omissions, veiled_names
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import well_formed
 
@@ -126,18 +127,24 @@ class TableLine:
 
 @dataclass(frozen=True)
 class WristResult:
-    """Everything that the analysis gives."""
+    """Everything that the analysis gives.
+
+    blinded: states have neutral names, in an order that only the study's key tells.
+    """
 
     simulated: bool
     participants: int
     tables: Mapping[str, tuple[TableLine, ...]]
     people: Mapping[str, Mapping[str, Values]]
     sides: Mapping[str, tuple[str, str]]
+    blinded: bool = False
+    left_out: tuple[str, ...] = ()
 
 
-def analyse(folder: Path) -> WristResult:
+def analyse(folder: Path, blinded: bool = False) -> WristResult:
     study = StudyFolder.open(folder, durable=False, runs=False)
-    simulated = study.simulated
+    blinded = blinded or any(study.blinded(role) for role in ("operator", "analyst"))
+    left_out = omissions(study)
     codes = sorted({c for c, _, _ in study.sessions()})
     by_code = {c: study.rows(c, strict=False) for c in codes}
     tracked, learned = {}, {}
@@ -152,16 +159,28 @@ def analyse(folder: Path) -> WristResult:
         title: {c: found[axis] for c, found in tracked.items() if axis in found}
         for title, axis in ((RU_TRACKED, "RU"), (FE_TRACKED, "FE"))
     }
+    tested, sides = dict(TABLES), {title: table.sides for title, table in TABLES.items()}
+    swapped = False
+    if blinded:
+        names = veiled_names(study)
+        order = sorted(names, key=names.__getitem__)
+        swapped = order != [HEALTHY, CONSTRAINED]
+        sides[STATES] = (names[order[0]], names[order[1]])
+        # Beside the published medians one could tell which is which.
+        lines = TABLES[STATES].lines
+        tested[STATES] = replace(
+            TABLES[STATES], lines=tuple(replace(x, medians=(None, None), p=None) for x in lines)
+        )
     # The two sides of a session's values: its number, and whether it was constrained.
-    for title, side in ((SESSIONS, lambda x: x[0]), (STATES, lambda x: int(x[1]))):
+    for title, side in ((SESSIONS, lambda x: x[0]), (STATES, lambda x: int(x[1] != swapped))):
         people[title] = {
             code: {f"{k} {side(x) + 1}": v for x in found for k, v in x[2].items()}
             for code, found in learned.items()
             if found
         }
-    tables = {title: _tested(table, people[title]) for title, table in TABLES.items()}
-    sides = {title: table.sides for title, table in TABLES.items()}
-    return WristResult(simulated, len(by_code), tables, people, sides)
+    tables = {title: _tested(table, people[title]) for title, table in tested.items()}
+    given = study.simulated, len(by_code), tables, people, sides
+    return WristResult(*given, blinded, tuple(left_out))
 
 
 def _tracked(rows: Sequence[Row]) -> dict[str, Values]:

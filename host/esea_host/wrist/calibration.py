@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_host.study.words import KeyedText, keyed
 from esea_host.wrist.normalisation import (
     CursorMap,
     NodeSpeeds,
@@ -61,16 +62,11 @@ def node_speeds(
 
 @dataclass(frozen=True)
 class Complaint:
-    """What is not good enough, and what to do; ``key`` of the message catalogue."""
+    """What is not good enough: key for the participant, words for the operator."""
 
     key: str
-    what: str
-    fix: str
+    words: KeyedText
     node_deg: float | None = None
-
-    @property
-    def words(self) -> str:
-        return f"{self.what[0].upper()}{self.what[1:]}. {self.fix}"
 
 
 def quality(
@@ -83,38 +79,18 @@ def quality(
     found: list[Complaint] = []
     width = high_deg - low_deg
     if traces:
-        reached = [np.ptp(np.asarray(th, np.float64)) / width for _, th in traces]
-        if max(reached) < LEAST_REACH:
-            found.append(
-                Complaint(
-                    "further",
-                    f"the movements cover {100 * max(reached):.0f} % of the range, "
-                    f"{100 * LEAST_REACH:.0f} % are wanted",
-                    "Ask for larger movements, or measure the range again.",
-                )
-            )
+        reached = max(float(np.ptp(np.asarray(th, np.float64))) for _, th in traces) / width
+        if reached < LEAST_REACH:
+            given = {"percent": 100 * reached, "least": 100 * LEAST_REACH}
+            found.append(Complaint("further", keyed("advice.too_small", **given)))
     for node in node_places(low_deg, high_deg):
         passes = [v for t, th in traces for v in crossings(t, th, node).speeds_deg_s]
         if len(passes) < least_passes:
-            found.append(
-                Complaint(
-                    "more",
-                    f"node {node:.0f} deg was crossed {len(passes)} times, {least_passes} are "
-                    "wanted",
-                    "Ask for more movements through that place.",
-                    node,
-                )
-            )
-        elif np.mean(passes) < LEAST_SPEED_DEG_S:
-            found.append(
-                Complaint(
-                    "faster",
-                    f"at node {node:.0f} deg the mean speed is {np.mean(passes):.1f} deg/s, "
-                    f"{LEAST_SPEED_DEG_S:.0f} are wanted",
-                    "Ask for faster movements.",
-                    node,
-                )
-            )
+            few = keyed("advice.too_few", node_deg=node, passes=len(passes), least=least_passes)
+            found.append(Complaint("more", few, node))
+        elif (mean := float(np.mean(passes))) < LEAST_SPEED_DEG_S:
+            given = {"node_deg": node, "speed_deg_s": mean, "least": LEAST_SPEED_DEG_S}
+            found.append(Complaint("faster", keyed("advice.too_slow", **given), node))
     return found
 
 

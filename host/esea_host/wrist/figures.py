@@ -55,6 +55,10 @@ def cells(line: TableLine) -> list[str]:
 def page(result: WristResult) -> str:
     who = "SIMULATED participants" if result.simulated else "participants"
     parts = [f"<h1>Wrist study: {result.participants} {who}</h1>"]
+    items = "".join(f"<li>{html.escape(x)}</li>" for x in result.left_out)
+    parts.append(f"<p>Left out:</p><ul>{items}</ul>" if items else "<p>Nothing is left out.</p>")
+    if result.blinded:
+        parts.append("<p class='notice'>BLINDED: neutral names for the two states.</p>")
     for k, (title, lines) in enumerate(result.tables.items()):
         heads = [*COLUMNS[:3], *result.sides[title], *COLUMNS[5:]]
         table = _row("th", heads) + "".join(_row("td", cells(x)) for x in lines)

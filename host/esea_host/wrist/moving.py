@@ -22,6 +22,7 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
+from esea_host.study.words import keyed
 from esea_host.wrist.calibration import AXES, Method, calibrated, cursor_maps
 from esea_host.wrist.normalisation import CursorMap
 from esea_host.wrist.tasks import (
@@ -114,7 +115,6 @@ class Tracking:
 @register
 class Track(_WristTask):
     name = "wrist.track"
-    title = "Replay of the own healthy motion"
     Parameters = TrackParameters
     columns = (
         *SHOWN,
@@ -268,7 +268,6 @@ class Catching:
 @register
 class Catch(_WristTask):
     name = "wrist.catch"
-    title = "Catch the target"
     Parameters = CatchParameters
     columns = (
         *SHOWN,
@@ -320,7 +319,7 @@ class Catch(_WristTask):
             state = replace(state, shown_s=time_s, target=(Moving(x), Moving(y)))
             events = (TaskEvent("target", {"x_deg": x, "y_deg": y, **state.cursor.logged()}),)
         elif time_s >= p.home_s:
-            outcome = TrialOutcome(None, "the cursor did not come back to the origin")
+            outcome = TrialOutcome(None, keyed("reason.not_home"))
         return TaskStep(state, self._scene(state, here, None, False), requests(p), events, outcome)
 
     def _moved(

@@ -26,6 +26,7 @@ from esea_host.study.task import (
     TrialOutcome,
     register,
 )
+from esea_host.study.words import keyed
 from esea_host.wrist.calibration import (
     AXES,
     LEAST_PASSES,
@@ -124,7 +125,6 @@ class Resting:
 @register
 class Neutral(_WristTask):
     name = "wrist.neutral"
-    title = "Self-selected neutral position"
     Parameters = NeutralParameters
     columns = (
         IMPAIRMENT,
@@ -148,7 +148,7 @@ class Neutral(_WristTask):
             found = {"neutral_fe_deg": fe, "neutral_ru_deg": ru}
             outcome = TrialOutcome({"impairment": p.impairment, **found})
         elif time_s >= self.longest_s(p):
-            outcome = TrialOutcome(None, f"the hand never rested within {p.still_deg:g} deg")
+            outcome = TrialOutcome(None, keyed("reason.not_still", still_deg=p.still_deg))
         # The room that the hand is to stay in, round where it was in the last second.
         room = Shape("ring", "guide", fe, ru, 1.0 + p.still_deg)
         texts = (Text("neutral"), *(() if still else (Text("still"),)))
@@ -183,7 +183,6 @@ DIRECTIONS = {
 @register
 class Range(_WristTask):
     name = "wrist.range"
-    title = "As far as possible"
     Parameters = RangeParameters
     columns = (
         IMPAIRMENT,
@@ -226,11 +225,7 @@ class Range(_WristTask):
 
 
 PATIENCE_S = 8.0
-NOT_REACHED = Complaint(
-    "further",
-    f"no end of the range was reached for {PATIENCE_S:g} s",
-    "Ask for larger movements, or measure the range again.",
-)
+NOT_REACHED = Complaint("further", keyed("advice.end_not_reached", seconds=PATIENCE_S))
 
 
 class VelocityParameters(OnAxis):
@@ -256,7 +251,6 @@ class Sweeping:
 @register
 class VelocitySweep(_WristTask):
     name = "wrist.velocity"
-    title = "Position-dependent velocity"
     version = "3"
     Parameters = VelocityParameters
     columns = (

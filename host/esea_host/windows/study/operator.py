@@ -9,6 +9,7 @@ from html import escape
 from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
+    QGridLayout,
     QHBoxLayout,
     QHeaderView,
     QLabel,
@@ -21,36 +22,31 @@ from PySide6.QtWidgets import (
 )
 
 from esea_host.connection import ConnectedDevice
-from esea_host.study.conductor import HELD, OVER, PAUSED, RESTING, STARTING, Conductor
+from esea_host.study.conductor import HELD, OVER, RESTING, Conductor
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.protocol import GROUP
 from esea_host.study.session import RUNNING
 from esea_host.study.source import Gauge
 from esea_host.study.task import task_named
+from esea_host.study.words import KeyedText, Words, keyed
 from esea_host.windows.feed import StopSender
 from esea_host.windows.frame import Job, StopWindow, column_of, push_button, row_of
+from esea_host.windows.study.adverse import AdversePanel
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
+from esea_host.windows.theme import BANNER_STYLE, DARK, LIGHT, Theme, plain_label, plain_tip
 
 TURN_MS = 100
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
-HIDDEN = "hidden"
 NEAR = 0.85  # of the way to a limit
-WORDS = {
-    STARTING: "STARTING",
-    RESTING: "REST",
-    PAUSED: "PAUSED",
-    HELD: "WAITING FOR YOU: repeat, or go on",
-}
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
 
 
 class GaugeBar(QWidget):
     """Name, value, unit; under them a bar from limit to limit with a mark where the value is."""
 
-    def __init__(self, theme: Theme) -> None:
+    def __init__(self, words: Words) -> None:
         super().__init__()
-        self.gauge, self.theme = Gauge("", 0.0, -1.0, 1.0, ""), theme
+        self.gauge, self.theme, self.words = Gauge("", 0.0, -1.0, 1.0, ""), LIGHT, words
         self.setMinimumSize(180, 44)
 
     def sizeHint(self) -> QSize:
@@ -64,12 +60,17 @@ class GaugeBar(QWidget):
 
     def paintEvent(self, _: QPaintEvent) -> None:
         painter, g, theme = QPainter(self), self.gauge, self.theme
+        low, now, high = (
+            self.words.format_field(round(x, 2) + 0.0, ".2f") for x in (g.low, g.value, g.high)
+        )
+        name = " ".join(self.words.or_same("gauge", part) for part in g.name.split())
         painter.setPen(QColor(theme.alarm if self.near else theme.ink))
-        painter.drawText(0, 14, f"{g.name}: {round(g.value, 2) + 0.0:.2f} {g.unit}")
+        space = "" if g.unit == "deg" else "\u00a0"
+        unit = self.words.or_same("gauge", g.unit)
+        painter.drawText(0, 14, f"{name}: {now}{space}{unit}")
         painter.setPen(QColor(theme.soft))
-        painter.drawText(0, 42, f"{g.low:.2f}")
+        painter.drawText(0, 42, low)
         width = float(self.width() - 2)
-        high = f"{g.high:.2f}"
         painter.drawText(int(width) - painter.fontMetrics().horizontalAdvance(high), 42, high)
         painter.fillRect(QRectF(0, 19, width, 8), QColor(theme.ground))
         if math.isfinite(g.value) and g.high > g.low:
@@ -85,21 +86,25 @@ class OperatorWindow(StopWindow):
     def __init__(
         self,
         conductor: Conductor,
+        words: Words,
         board: ConnectedDevice | None = None,
-        language: str = "en",
         dark: bool = False,
     ) -> None:
         super().__init__()
-        self.conductor, self.board = conductor, board
+        self.conductor, self.words, self.board = conductor, words, board
         self.stopper = StopSender(board) if board is not None else None
         study = conductor.study
         self.group = study.group_shown(conductor.code, "operator")
         self._blind = "operator" in study.protocol.file.blinded
-        who = f"{conductor.code}, session {conductor.number + 1}: {conductor.plan.session_name}"
-        group = f", group {self.group}" if self.group else ""
-        self._who = f"{'SIMULATED ' if study.simulated else ''}{who}{group}"
-        self.setWindowTitle(f"{self._who} - esea-host")
-        self._build(language)
+        number, name = conductor.number + 1, conductor.plan.session_name
+        who = words("operator.who", code=conductor.code, number=number, name=name)
+        if self.group:
+            group = words("operator.blinded") if self._blind else self.group
+            who = words("operator.group", who=who, group=group)
+        self.banner = plain_label(words(f"banner.{conductor.banner}") if conductor.banner else "")
+        self.who = plain_label(who)
+        self.setWindowTitle(" - ".join(filter(None, (self.banner.text(), who, "esea-host"))))
+        self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
         self.timer.timeout.connect(self.refresh)
@@ -107,32 +112,40 @@ class OperatorWindow(StopWindow):
 
     # -- what there is -----------------------------------------------------------------------------
 
-    def _build(self, language: str) -> None:
-        self.state, self.who, self.advice = QLabel(), plain_label(self._who), QLabel()
-        self.now, self.timers, self.coming = QLabel(), plain_label(), plain_label()
+    def _build(self) -> None:
+        self.state, self.advice, self.now = QLabel(), QLabel(), QLabel()
+        self.timers, self.coming = plain_label(), plain_label()
         self.said = plain_label()
         # A reason may be long: it must not widen the window.
         for label in (self.state, self.advice, self.now, self.timers, self.coming, self.said):
             label.setWordWrap(True)
-        self.scene = SceneView(language)
-        self.scene.setMinimumSize(260, 260)
+        self.banner.setStyleSheet(BANNER_STYLE)
+        self.banner.setVisible(bool(self.banner.text()))
+        self.stop_button.setText(self.words("operator.stop"))
+        self.scene = SceneView(self.words)
+        self.scene.setMinimumSize(200, 160)
+        self.adverse = AdversePanel(self.conductor, self.words)
         self._build_trials()
-        top = row_of((column_of(self.state, self.who), 1), self.stop_button)
-        middle = row_of((self.trials, 3), (self._side(), 2))
+        whose = row_of(self.banner, (self.who, 1))
+        top = row_of((column_of(self.state, whose), 1), self.stop_button)
+        middle = row_of((column_of(self.adverse, (self.trials, 1)), 3), (self._side(), 2))
         self.fill(column_of(top, (middle, 1), self._bottom(), self.said))
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
-        self.gauges = [GaugeBar(LIGHT) for _ in self.conductor.source.gauges()]
+        self.gauges = [GaugeBar(self.words) for _ in self.conductor.source.gauges()]
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        labels = self.now, self.timers, self.coming, self.advice
-        return column_of((self.scene, 3), *labels, *self.gauges, (self.happened, 2))
+        labels, gauges = (self.now, self.timers, self.coming, self.advice), QGridLayout()
+        for k, gauge in enumerate(self.gauges):  # of two axes side by side
+            gauges.addWidget(gauge, *divmod(k, max(1, len(self.gauges) // 2)))
+        return column_of((self.scene, 3), *labels, gauges, (self.happened, 2))
 
     def _build_trials(self) -> None:
-        plan = self.conductor.plan
+        plan, words = self.conductor.plan, self.words
         self.trials = QTableWidget(len(plan.trials), len(COLUMNS))
-        self.trials.setHorizontalHeaderLabels(list(COLUMNS))
+        titles = [words(f"operator.{name}") if name else "" for name in COLUMNS]
+        self.trials.setHorizontalHeaderLabels(titles)
         self.trials.verticalHeader().hide()
         self.trials.verticalHeader().setDefaultSectionSize(24)
         self.trials.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
@@ -140,12 +153,12 @@ class OperatorWindow(StopWindow):
         self.trials.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
-            short = t.task.rpartition(".")[2] + self._details(t)
+            task, short = task_named(t.task, "plan"), t.task.rpartition(".")[2] + self._details(t)
             told = (str(t.number), t.block, short, self._condition(t))
             items = [QTableWidgetItem(text) for text in told]
             state, reason = self._changing[row]
             for k, item in enumerate((items[0], state, *items[1:], reason)):
-                item.setToolTip(plain_tip(task_named(t.task, "plan").title))
+                item.setToolTip(plain_tip(words.texts.get(f"task.{t.task}", task.title)))
                 self.trials.setItem(row, k, item)
         header = self.trials.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
@@ -156,8 +169,9 @@ class OperatorWindow(StopWindow):
         # What differs within a block tells nothing of the group.
         block = [t for t in self.conductor.plan.trials if t.block == trial.block]
         differ = [k for k in trial.parameters if len({str(t.parameters[k]) for t in block}) > 1]
-        said = ", ".join(f"{k} {trial.parameters[k]}" for k in differ)
-        return (f": {said}" if said else "") + (" (catch)" if trial.catch else "")
+        said = ", ".join(f"{k} {self.words.format_field(trial.parameters[k], '')}" for k in differ)
+        catch = f" {self.words('operator.catch')}" if trial.catch else ""
+        return (f": {said}" if said else "") + catch
 
     def _condition(self, trial: PlannedTrial) -> str:
         # A condition that the group decides would tell the group.
@@ -167,36 +181,42 @@ class OperatorWindow(StopWindow):
         by_group = {b.name for b in blocks if b.condition == GROUP}
         name = trial.block
         decided = name in by_group or name.rpartition(" ")[0] in by_group
-        return HIDDEN if decided else trial.condition
+        return self.words("operator.hidden") if decided else trial.condition
 
     def _bottom(self) -> QHBoxLayout:
-        self.words = QLineEdit()
-        self.words.setPlaceholderText("N: a note, or the reason to repeat or skip a trial")
-        self.words.returnPressed.connect(self.note)
+        self.written = QLineEdit()
+        self.written.setPlaceholderText(self.words("operator.write_here"))
+        self.written.returnPressed.connect(self.note)
         jobs: dict[str, Job] = {
-            "Note": self.note,
-            "Pause": self.pause,
-            "Recentre": self.conductor.recentre,
-            "Repeat trial": self.repeat,
-            "Repeat block": self.repeat_block,
-            "Skip trial": self.skip,
+            "operator.note": self.note,
+            "operator.pause": self.pause,
+            "operator.recentre": self.conductor.recentre,
+            "operator.repeat_this_trial": self.repeat,
+            "operator.repeat_block": self.repeat_block,
+            "operator.skip_this_trial": self.skip,
+            "adverse.open": self.adverse.open,
         }
-        self.buttons = {name: push_button(name, job, focus=False) for name, job in jobs.items()}
-        return row_of((self.words, 1), *self.buttons.values())
+        self.buttons = {
+            key.partition(".")[2]: push_button(self.words(key), job, focus=False)
+            for key, job in jobs.items()
+        }
+        return row_of((self.written, 1), *self.buttons.values())
 
     def _actions(self) -> None:
         jobs: list[tuple[str, str, Job]] = [
-            ("STOP: Space or Escape", "F12", self.stop),
-            ("Pause, go on", "P", self.pause),
-            ("Recentre", "R", self.conductor.recentre),
-            ("Note", "N", self.words.setFocus),
-            ("Repeat trial", "Ctrl+R", self.repeat),
-            ("Repeat block", "Ctrl+B", self.repeat_block),
-            ("Skip trial", "Ctrl+K", self.skip),
-            ("Dark, light", "T", self.toggle_theme),
-            ("Close", "Ctrl+W", self.close),
+            ("operator.stop_keys", "F12", self.stop),
+            ("operator.pause_or_go_on", "P", self.pause),
+            ("operator.recentre", "R", self.conductor.recentre),
+            ("operator.note", "N", self.written.setFocus),
+            ("operator.repeat_this_trial", "Ctrl+R", self.repeat),
+            ("operator.repeat_block", "Ctrl+B", self.repeat_block),
+            ("operator.skip_this_trial", "Ctrl+K", self.skip),
+            ("adverse.title", "E", self.adverse.open),
+            ("operator.dark_light", "T", self.toggle_theme),
+            ("operator.close", "Ctrl+W", self.close),
         ]
-        self.add_menu("&Session", jobs)
+        named = [(self.words(key), keys, job) for key, keys, job in jobs]
+        self.add_menu(self.words("operator.menu"), named)
 
     # -- asking ------------------------------------------------------------------------------------
 
@@ -204,7 +224,7 @@ class OperatorWindow(StopWindow):
         if self.stopper is not None:
             self.stopper.stop()
             self.stop_asked_s = time.monotonic()
-        self.conductor.stop("the operator stopped it")
+        self.conductor.stop(keyed("reason.operator_stop"))
 
     def pause(self) -> None:
         self.conductor.pause(not self.conductor.paused and self.conductor.phase != HELD)
@@ -214,8 +234,8 @@ class OperatorWindow(StopWindow):
             self.conductor.note(text)
 
     def _written(self) -> str:
-        text = self.words.text().strip()
-        self.words.clear()
+        text = self.written.text().strip()
+        self.written.clear()
         self.trials.clearSelection()
         self.trials.setFocus()
         return text
@@ -243,56 +263,58 @@ class OperatorWindow(StopWindow):
     # -- looking -----------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        c = self.conductor
+        c, words = self.conductor, self.words
         word = escape(self._word())
         self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
         self.scene.show_scene(c.screen().scene)
         trial = c.trial
         if trial is not None:
-            of = f"trial {trial.number} of {len(c.plan.trials)}"
-            again = " &nbsp; familiarisation" if trial.familiarisation else ""
-            self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of}{again}")
+            of = words("operator.trial", number=trial.number, count=len(c.plan.trials))
+            again = words("operator.familiarisation") if trial.familiarisation else ""
+            self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of} &nbsp; {again}")
         self.timers.setText(self._times())
-        coming = c.coming
-        told = "nothing more" if coming is None else f"{coming.number}, {coming.block}"
-        rest = coming.rest_before_s if coming is not None else 0.0
-        self.coming.setText(f"Next: {told}" + (f", after {rest:g} s of rest" if rest else ""))
+        self.coming.setText(self._next())
         colour = self.theme.alarm
-        advice = (f'<p style="color:{colour}">{escape(a)}</p>' for a in c.advice[:3])
+        advice = (f'<p style="color:{colour}">{escape(words.of(a))}</p>' for a in c.advice[:3])
         self.advice.setText("".join(advice))
-        self.said.setText(c.said)
+        self.said.setText(words.of(c.said))
         for bar, gauge in zip(self.gauges, c.source.gauges(), strict=False):
             bar.gauge = gauge
             bar.update()
         self._list_trials()
         self._list_events()
-        self.buttons["Pause"].setText("Go on (P)" if c.paused or c.phase == HELD else "Pause (P)")
+        waits = c.paused or c.phase == HELD
+        self.buttons["pause"].setText(words("operator.go_on" if waits else "operator.pause"))
         switches = task_named(trial.task, "plan").switches if trial is not None else ()
-        self.buttons["Recentre"].setVisible("recentre" in switches)
-        number = self.chosen.number if self.chosen is not None else ""
-        for what in ("Repeat trial", "Skip trial"):
-            self.buttons[what].setText(f"{what} {number}".strip())
-        for button in self.buttons.values():
-            button.setEnabled(c.phase != OVER)
+        self.buttons["recentre"].setVisible("recentre" in switches)
+        if self.chosen is not None:
+            for what in ("repeat", "skip"):
+                text = words(f"operator.{what}_trial", number=self.chosen.number)
+                self.buttons[f"{what}_this_trial"].setText(text)
+        for name, button in self.buttons.items():
+            button.setEnabled(c.phase != OVER or name == "open")
+        self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
 
     def _word(self) -> str:
-        c = self.conductor
+        c, words = self.conductor, self.words
         if (
             self.board is not None
             and self.stop_asked_s
             and self.stop_unconfirmed(self.board.state())
         ):
-            return "STOP IS NOT CONFIRMED: SWITCH THE BOARD'S POWER OFF"
+            return words("operator.not_confirmed")
         if c.phase == OVER and c.error is not None:
-            return f"ENDED: {c.error}"
+            return words("operator.ended", reason=str(c.error))
         if c.phase == OVER:
-            return f"STOPPED: {c.reason}" if c.reason else "DONE"
+            return (
+                words("operator.stopped", reason=c.reason) if c.reason else words("operator.done")
+            )
         if c.phase != RUNNING:
-            return WORDS[c.phase]
+            return words(f"operator.{c.phase}")
         if not c.paused:
-            return "RUNNING"
+            return words("operator.running")
         holds = c.trial is not None and "pause" in task_named(c.trial.task, "plan").switches
-        return "PAUSED" if holds else "RUNNING, pause after this trial"
+        return words("operator.paused" if holds else "operator.running_to_pause")
 
     def _colour(self) -> str:
         c = self.conductor
@@ -301,15 +323,25 @@ class OperatorWindow(StopWindow):
         return self.theme.measured if c.phase == RUNNING else self.theme.wanted
 
     def _times(self) -> str:
-        c = self.conductor
-        parts = [f"session {_minutes(c.source.now_s())}"]
+        c, words = self.conductor, self.words
+        parts = [words("operator.session_time", time=_minutes(c.source.now_s()))]
         if c.phase == RESTING:
-            parts.append(f"rest: {c.rest_left_s:.0f} s left")
+            parts.append(words("operator.rest_time", seconds=c.rest_left_s))
         elif c.phase == RUNNING and c.trial is not None:
-            parts.append(f"trial {c.trial_s:.1f} s of at most {c.longest_s(c.trial):g} s")
+            times = {"now_s": c.trial_s, "longest_s": c.longest_s(c.trial)}
+            parts.append(words("operator.trial_time", **times))
         if c.source.status():
-            parts.append(f"board {c.source.status()}")
+            parts.append(words.or_same("board", c.source.status()))
         return "   |   ".join(parts)
+
+    def _next(self) -> str:
+        coming, words = self.conductor.coming, self.words
+        if coming is None:
+            return words("operator.nothing_next")
+        about = {"number": coming.number, "block": coming.block}
+        if coming.rest_before_s:
+            return words("operator.next_after_rest", **about, seconds=coming.rest_before_s)
+        return words("operator.next", **about)
 
     def _list_trials(self) -> None:
         c = self.conductor
@@ -319,7 +351,8 @@ class OperatorWindow(StopWindow):
                 continue
             self._drawn[row] = now
             colour = getattr(self.theme, BY_STATE.get(now[0], "soft"))
-            for item, text in zip(self._changing[row], now, strict=True):
+            shown = self.words.or_same("state", now[0]), self.words.of(now[1])
+            for item, text in zip(self._changing[row], shown, strict=True):
                 item.setText(text)
                 item.setToolTip(plain_tip(text))
                 item.setForeground(QColor(colour))
@@ -327,18 +360,24 @@ class OperatorWindow(StopWindow):
                 self.trials.scrollToItem(self._changing[row][0])
 
     def _list_events(self) -> None:
-        lines = [f"{_minutes(t)}  {text}" for t, text in list(self.conductor.happened)[-60:]]
+        found = list(self.conductor.happened)[-60:]
+        lines = [f"{_minutes(t)}  {self._event(text)}" for t, text in found]
         if lines != [self.happened.item(i).text() for i in range(self.happened.count())]:
             self.happened.clear()
             self.happened.addItems(lines)
             self.happened.scrollToBottom()
 
+    def _event(self, text: str) -> str:
+        # What the session tells, or the name of a task's own event.
+        known = isinstance(text, KeyedText)
+        return self.words.of(text) if known else self.words.or_same("event", text)
+
     def set_theme(self, theme: Theme) -> None:
         super().set_theme(theme)
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
-        for bar in self.gauges:
-            bar.theme = theme
+        for part in (*self.gauges, self.adverse):
+            part.theme = theme
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:

@@ -6,22 +6,25 @@ import time
 from collections.abc import Callable
 from typing import Literal
 
-from PySide6.QtCore import QRectF, Qt, QTimer
+from PySide6.QtCore import QPoint, QRectF, Qt, QTimer
 from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPainter
 
 from esea_host.study.conductor import Conductor, FrameTimes
+from esea_host.study.words import Words, keyed
 from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
+from esea_host.windows.theme import BANNER_GROUND
 
 Patch = Literal["off", "frame", "onset"]
+BANNER = 0.035  # height of its letters over the smaller side
 
 
 class ParticipantWindow(SceneView):
     """Full screen on a second monitor, if any; patch: the square for a photodiode."""
 
     def __init__(
-        self, conductor: Conductor, language: str = "en", dark: bool = True, patch: Patch = "off"
+        self, conductor: Conductor, words: Words, dark: bool = True, patch: Patch = "off"
     ) -> None:
-        super().__init__(language, dark)
+        super().__init__(words, dark)
         self.conductor, self.patch = conductor, patch
         self.lit = False
         self.point: Callable[[tuple[float, float]], None] = lambda _: None
@@ -50,14 +53,17 @@ class ParticipantWindow(SceneView):
         else:
             self.show()
         size_px = [self.width(), self.height()]
-        self.frames.facts = {"patch": self.patch, "language": self.language, "size_px": size_px}
+        self.frames.facts = {"patch": self.patch, "language": self.words.language}
+        self.frames.facts["size_px"] = size_px
 
     def turn(self) -> None:
         self._now = self.conductor.screen()
         self.show_scene(self._now.scene)
 
     def painted(self, painter: QPainter) -> None:
-        """The patch; then the time of this frame is known."""
+        """What is simulated or a rehearsal says so; the patch; then this frame's time is known."""
+        if banner := self.conductor.banner:
+            self._paint_banner(painter, self.words(f"banner.{banner}"))
         now = self._now
         new = self.frames.painted(time.monotonic(), now.onsets, now.made_s, now.tick_s)
         if self.patch == "off":
@@ -66,6 +72,18 @@ class ParticipantWindow(SceneView):
         side = PATCH * min(self.width(), self.height())
         corner = QRectF(0, self.height() - side, side, side)
         painter.fillRect(corner, QColor("white" if self.lit else "black"))
+
+    def _paint_banner(self, painter: QPainter, text: str) -> None:
+        side = min(self.width(), self.height())
+        font = painter.font()
+        font.setPixelSize(max(12, round(BANNER * side)))
+        font.setBold(True)
+        painter.setFont(font)
+        room = painter.fontMetrics().boundingRect(text).adjusted(-side // 50, 0, side // 50, 0)
+        room.moveCenter(QPoint(self.width() // 2, self.height() - room.height() // 2 - side // 80))
+        painter.fillRect(room, QColor(BANNER_GROUND))
+        painter.setPen(QColor("white"))
+        painter.drawText(room, Qt.AlignmentFlag.AlignCenter, text)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Where somebody points: 1 is the edge of the scene."""
@@ -76,5 +94,5 @@ class ParticipantWindow(SceneView):
     def closeEvent(self, event: QCloseEvent) -> None:
         """A participant's window that has gone ends the session."""
         self.timer.stop()
-        self.conductor.stop("the participant's window was closed")
+        self.conductor.stop(keyed("reason.participant_closed"))
         super().closeEvent(event)

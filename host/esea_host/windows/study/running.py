@@ -8,6 +8,7 @@ from PySide6.QtCore import QTimer
 
 from esea_host.connection import ConnectedDevice
 from esea_host.study.conductor import Conductor
+from esea_host.study.words import keyed
 from esea_host.windows.frame import qt_application, run_until_closed
 from esea_host.windows.study.operator import OperatorWindow
 from esea_host.windows.study.participant import ParticipantWindow, Patch
@@ -18,17 +19,21 @@ LOOK_MS, SHOWN_AT_END_MS = 100, 1500
 def run_windows(
     conductor: Conductor,
     board: ConnectedDevice | None = None,
-    language: str = "en",
+    language: str = "",
     dark: bool | None = None,
     patch: Patch = "off",
     close: bool = False,
     point: Callable[[tuple[float, float]], None] | None = None,
 ) -> None:
-    """Show a session, and return when its windows are closed and it has ended."""
+    """Show a session, and return when its windows are closed and it has ended.
+
+    language: empty for the protocol's.
+    """
+    words = conductor.study.protocol.words(language)
     # Where nobody asks for a light ground the participant's is dark, whatever the desktop.
     of_operator, of_participant = qt_application(dark), dark is not False
-    participant = ParticipantWindow(conductor, language, of_participant, patch)
-    operator = OperatorWindow(conductor, board, language, of_operator)
+    participant = ParticipantWindow(conductor, words, of_participant, patch)
+    operator = OperatorWindow(conductor, words, board, of_operator)
     operator.resize(1240, 820)
     if point is not None:
         participant.point = point
@@ -50,5 +55,5 @@ def run_windows(
     try:
         run_until_closed(operator)
     finally:
-        conductor.stop("the windows were closed")
+        conductor.stop(keyed("reason.windows_closed"))
         conductor.join(10.0)

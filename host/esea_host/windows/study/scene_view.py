@@ -8,7 +8,8 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, said
+from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape
+from esea_host.study.words import ENGLISH, Words, words_of
 
 LEAST_PX = 2.0
 LETTERS = 0.04  # height of letters over that of the picture
@@ -26,7 +27,7 @@ def paint_scene(
     width: float,
     height: float,
     scene: Scene,
-    language: str,
+    words: Words,
     colours: Mapping[str, str],
 ) -> None:
     """Paint a scene into a rectangle: the same proportions whatever its size."""
@@ -45,7 +46,7 @@ def paint_scene(
         flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop
         room = QRectF(middle.x() - half, top, 2 * half, 2 * half)
         wrapped = int(flags) | int(Qt.TextFlag.TextWordWrap)
-        used = painter.drawText(room, wrapped, said(text, language))
+        used = painter.drawText(room, wrapped, words.scene(text.key, text.values))
         top = used.bottom() + 0.01 * 2 * half if used is not None else top
 
 
@@ -78,9 +79,9 @@ def _paint_shape(
 
 
 class SceneView(QWidget):
-    def __init__(self, language: str = "en", dark: bool = True) -> None:
+    def __init__(self, words: Words | None = None, dark: bool = True) -> None:
         super().__init__()
-        self.language, self.scene = language, Scene()
+        self.words, self.scene = words or words_of(ENGLISH), Scene()
         self.colours = COLOURS if dark else ON_WHITE
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
 
@@ -95,7 +96,7 @@ class SceneView(QWidget):
     def paintEvent(self, _: QPaintEvent) -> None:
         painter = QPainter(self)
         try:
-            given = self.scene, self.language, self.colours
+            given = self.scene, self.words, self.colours
             paint_scene(painter, self.width(), self.height(), *given)
             self.painted(painter)
         finally:

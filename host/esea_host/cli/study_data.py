@@ -1,0 +1,173 @@
+"""``esea-host study``, commands on data: groups, what goes out of a study, what is deleted."""
+
+from __future__ import annotations
+
+import tempfile
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+from esea_host.cli.app import out, say_left_out
+from esea_host.cli.study import (
+    CodeArgument,
+    FolderArgument,
+    OperatorOption,
+    ReasonOption,
+    TrustOption,
+    opened,
+    study_app,
+)
+
+if TYPE_CHECKING:
+    from esea_host.study.folder import StudyFolder
+
+
+class ExportForm(StrEnum):
+    rows = "rows"
+    parquet = "parquet"
+    bids = "bids"
+
+
+class BlindedRole(StrEnum):
+    operator = "operator"
+    participant = "participant"
+    analyst = "analyst"
+
+
+@study_app.command("allocate")
+def allocate(
+    folder: FolderArgument,
+    keep: Annotated[
+        Path, typer.Option("--keep", metavar="FILE", help="The sealed list: a new file, elsewhere.")
+    ],
+    places: Annotated[
+        int, typer.Option("--places", min=1, max=10000, help="In each stratum.")
+    ] = 200,
+    reason: ReasonOption = "",
+    operator: OperatorOption = "",
+) -> None:
+    """Draw the sealed list of groups, as a third person: permuted blocks of random size."""
+    strata = opened(folder, runs=False, operator=operator).allocate(keep, places, reason)
+    each = f" in each of {len(strata)} strata" if len(strata) > 1 else ""
+    out.print(f"{folder}: {places} places{each}; the study has their seals, not the groups")
+    out.print(
+        f"{keep}: the groups and the code that opens each place. Take it away from this computer; "
+        "at a participant's first session tell the code of the next place, and no other."
+    )
+
+
+@study_app.command("unblind")
+def unblind(
+    folder: FolderArgument,
+    role: Annotated[BlindedRole, typer.Argument(help="Who may see groups from now on.")],
+    reason: ReasonOption = "",
+    operator: OperatorOption = "",
+) -> None:
+    """End the blinding of a role: person, time and reason stay on record."""
+    study = opened(folder, runs=False, operator=operator)
+    if not reason:
+        raise UserError("Nobody is unblinded without a reason.", "Give --reason, without names.")
+    if not study.blinded(role.value):
+        raise UserError(f"The {role.value} is not blinded.", "Nothing is to do.")
+    study.record("unblind", role=role.value, reason=reason)
+    out.print(f"{role.value} unblinded")
+
+
+@study_app.command("delete")
+def delete(
+    folder: FolderArgument,
+    code: CodeArgument,
+    reason: ReasonOption = "",
+    operator: OperatorOption = "",
+) -> None:
+    """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
+    if not reason:
+        raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
+    out.print(
+        f"{code}: {opened(folder, runs=False, operator=operator).delete(code, reason)} files deleted"
+    )
+
+
+@study_app.command("export")
+def export(
+    folder: FolderArgument,
+    to: Annotated[Path | None, typer.Argument(metavar="OUT", help="A new folder.")] = None,
+    as_: Annotated[
+        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
+    ] = ExportForm.rows,
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; list what could identify a person.")
+    ] = False,
+    labels: Annotated[
+        bool,
+        typer.Option("--labels", help="Blinded study: conditions by neutral names, not left out."),
+    ] = False,
+    trust: TrustOption = None,
+    operator: OperatorOption = "",
+) -> None:
+    """Write data for others: secret codes, no notes, no dates, no groups while blinded."""
+    from esea_host.study.exchange import omissions
+
+    study = opened(folder, trust, runs=as_ is ExportForm.bids, operator=operator)
+    if (to is None) is not check:
+        raise UserError("Either a new folder is written, or --check lists.", "Give one of them.")
+    say_left_out(omissions(study))
+    if to is None:
+        with tempfile.TemporaryDirectory() as scratch:
+            _write(study, Path(scratch) / "x", as_, labels)
+            found = _identifying(study, Path(scratch) / "x")
+        out.print(
+            "Could identify a person:" if found else "Found nothing that identifies a person."
+        )
+        for line in found:
+            out.print(f"  {line}")
+        out.print("Not searched: movements, which who has others of the same person can compare.")
+        return
+    written = _write(study, to, as_, labels)
+    study.record("export", form=as_.value, labels=labels, written=written)
+    out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
+    if found := _identifying(study, to):
+        out.print(f"{len(found)} things could identify a person: study export {folder} --check")
+    if study.left_out:
+        raise typer.Exit(1)
+
+
+def _write(study: StudyFolder, to: Path, form: ExportForm, labels: bool) -> int:
+    from esea_host.study.exchange import to_bids, to_parquet, to_rows
+
+    forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet, ExportForm.rows: to_rows}
+    return forms[form](study, to, labels)
+
+
+def _identifying(study: StudyFolder, to: Path) -> list[str]:
+    from esea_host.study.exchange import known_words, people_of
+    from esea_host.study.privacy import findings
+
+    return findings(to, study.participants(), people_of(study), known_words(study))
+
+
+@study_app.command("status")
+def status(folder: FolderArgument) -> None:
+    """Participants, places of the list, sessions: in words, without a group."""
+    from esea_host.study.report import flow_of
+
+    for line in flow_of(opened(folder, runs=False)).lines():
+        out.print(line)
+
+
+@study_app.command("report")
+def report(
+    folder: FolderArgument,
+    to: Annotated[Path, typer.Argument(metavar="FILE.html", help="The page.")],
+) -> None:
+    """One page: flow of participants, sessions, deviations, adverse events, intact logs."""
+    from esea_host.study.report import study_page
+
+    if to.suffix != ".html":
+        raise UserError(f"{to}: a page ends in .html.", "Give another name.")
+    write_whole(to, study_page(opened(folder, runs=False)))
+    out.print(f"{to}: written")

@@ -1,0 +1,248 @@
+"""The list of allocations: drawn by a third person, sealed, opened one place at a time.
+
+The study's folder holds a commitment for each place: SHA-256 over stratum, place, group and an
+opening code of 80 random bits.  The list with groups and codes is a file of the third person.  A
+code opens its place and no other, and no other group can be read into it.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import itertools
+import json
+import re
+import secrets
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_gen.files import write_whole
+from esea_gen.toml_file import read_text
+from esea_host.study.log import LoggedEvent
+from esea_host.study.plan import group_of
+from esea_host.study.privacy import keyed, readable, sealed, unsealed, write_secret
+from esea_host.study.protocol import Protocol, ProtocolFile, block_sizes
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """A place of the list; the code opens it."""
+
+    stratum: str
+    place: int
+    group: str
+    code: str
+
+    @property
+    def commitment(self) -> str:
+        return hashlib.sha256("|".join(map(str, astuple(self))).encode()).hexdigest()
+
+
+def strata_of(file: ProtocolFile) -> list[str]:
+    """Every combination of levels: ``sex=f,site=Bern``; one without a name where there are none."""
+    factors = file.allocation.strata
+    each = itertools.product(*factors.values())
+    return [",".join(f"{f}={x}" for f, x in zip(factors, levels, strict=True)) for levels in each]
+
+
+def stratum_named(file: ProtocolFile, given: Sequence[str]) -> str:
+    """The stratum of ``factor=level`` words, in whatever order."""
+    wanted = sorted(word.strip() for text in given for word in text.split(","))
+    for stratum in strata_of(file):
+        if sorted(filter(None, stratum.split(","))) == wanted:
+            return stratum
+    factors = file.allocation.strata
+    told = "; ".join(f"{f}: {' or '.join(levels)}" for f, levels in factors.items())
+    raise UserError(
+        f"{', '.join(given) or 'No stratum'}: the protocol's strata are {told or 'none'}.",
+        "Give each factor once: " + " ".join(f"--stratum {f}=..." for f in factors)
+        if factors
+        else "Leave --stratum out.",
+    )
+
+
+def draw_list(file: ProtocolFile, secret: bytes, places: int, first: int = 1) -> list[Envelope]:
+    """Permuted blocks of random sizes, in every stratum; the last block may be cut."""
+    groups, sizes = sorted(file.groups), block_sizes(file)
+    found = []
+    for stratum in strata_of(file):
+        order: list[str] = []
+        while len(order) < places:
+            at = first + len(order)
+            draw = int.from_bytes(keyed(secret, "size", stratum, at))
+            block = groups * (sizes[draw % len(sizes)] // len(groups))
+            # In the order of keyed digests: without the secret every order is as likely.
+            by_digest = sorted((keyed(secret, stratum, at, k), g) for k, g in enumerate(block))
+            order += [group for _, group in by_digest]
+        for place, group in enumerate(order[:places], first):
+            code = readable(keyed(secret, "code", stratum, place), 16)
+            found.append(Envelope(stratum, place, group, code))
+    return found
+
+
+# -- the third person's file -----------------------------------------------------------------------
+
+_HEAD = (
+    "# SEALED LIST of allocations: for the person who made it, not for those who run sessions.\n"
+)
+
+
+def write_list(path: Path, envelopes: Sequence[Envelope], secret: bytes) -> None:
+    """The seed makes the list again."""
+    text = io.StringIO()
+    text.write(_HEAD + f"# seed: {secret.hex()}\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([f.name for f in fields(Envelope)])
+    writer.writerows([e.stratum, e.place, e.group, shown_code(e.code)] for e in envelopes)
+    write_secret(path, text.getvalue())
+
+
+def shown_code(code: str) -> str:
+    return "-".join(code[k : k + 4] for k in range(0, len(code), 4))
+
+
+def code_in(path: Path, stratum: str, place: int) -> str:
+    """The opening code of a place, out of the sealed list."""
+    text = read_text(path, "Name the file that study allocate wrote.")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    for row in csv.DictReader(lines):
+        if (row.get("stratum"), row.get("place")) == (stratum, str(place)):
+            return str(row.get("code"))
+    raise UserError(
+        f"{path} has no place {place}{_of(stratum)}.", "Name the list of this study, whole."
+    )
+
+
+def _of(stratum: str) -> str:
+    return f" of stratum {stratum}" if stratum else ""
+
+
+# -- of one study ----------------------------------------------------------------------------------
+
+
+class Allocations:
+    """What a study's record says of its groups.
+
+    A list applies once it was made.  Without one, a simulated study, and a real one of an earlier
+    version, have the groups that follow from the protocol's seed.
+    """
+
+    def __init__(
+        self, folder: Path, protocol: Protocol, trail: Sequence[LoggedEvent], key: bytes
+    ) -> None:
+        self.folder, self.protocol, self.trail, self.key = folder, protocol, trail, key
+        self.lists = [e for e in trail if e.kind == "allocate"]
+        wanted = any(e.kind == "created" and e.data.get("allocation") == "list" for e in trail)
+        self.needs_list = bool(protocol.file.groups) and (bool(self.lists) or wanted)
+        enrolled = [e.data for e in trail if e.kind == "enrol"]
+        self._strata = {d["participant"]: d.get("stratum", "") for d in enrolled}
+        self._opened = {e.data["participant"]: e.data for e in trail if e.kind == "disclose"}
+
+    def group(self, code: str) -> str | None:
+        """The group; None until it is disclosed."""
+        if not self.needs_list:
+            return group_of(self.protocol, list(self._strata).index(code))
+        told = self._opened.get(code)
+        if told is None:
+            return None
+        return str(unsealed(self.key, told["sealed"])[0] if "sealed" in told else told["group"])
+
+    def next_place(self, stratum: str) -> int:
+        return 1 + sum(d["stratum"] == stratum for d in self._opened.values())
+
+    def places(self) -> int:
+        return sum(e.data["places"] for e in self.lists)
+
+    def make(self, by: str, keep: Path, places: int, reason: str) -> dict[str, Any]:
+        """Draw a list: commitments into the study, the list into the third person's file."""
+        file = self.protocol.file
+        if not file.groups:
+            raise UserError("The protocol has no groups: nothing is to allocate.", "Add [groups].")
+        if not by or by in {e.by for e in self.trail if e.kind not in ("created", "allocate")}:
+            raise UserError(
+                f"The list is made by a third person, not by {by or 'nobody'}.",
+                "Give --operator with the name of somebody who neither enrols nor runs sessions.",
+            )
+        if keep.resolve().is_relative_to(self.folder.resolve()):
+            raise UserError(
+                f"{keep} is in the study's folder.",
+                "Keep the list where those who run sessions cannot read it.",
+            )
+        if self.lists and not reason:
+            raise UserError(
+                f"There is a list of {self.places()} places; {len(self._opened)} are open.",
+                "It is not drawn again. If a stratum has no place left, give --reason: further "
+                "places are added behind.",
+            )
+        secret = secrets.token_bytes(32)
+        envelopes = draw_list(file, secret, places, self.places() + 1)
+        name = f"allocation-{len(self.lists) + 1}.json"
+        committed: dict[str, list[str]] = {}
+        for e in envelopes:
+            committed.setdefault(e.stratum, []).append(e.commitment)
+        text = json.dumps(committed, indent=1) + "\n"
+        write_list(keep, envelopes, secret)
+        write_whole(self.folder / name, text)
+        return {
+            "places": places,
+            "strata": strata_of(file),
+            "blocks": list(block_sizes(file)),
+            "file": name,
+            "sha256": hashlib.sha256(text.encode()).hexdigest(),
+            "reason": reason,
+        }
+
+    def _commitments(self, stratum: str) -> list[str]:
+        found: list[str] = []
+        for made in (e.data for e in self.lists):
+            path = self.folder / str(made["file"])
+            text = read_text(path, "Restore the file from a copy.")
+            if hashlib.sha256(text.encode()).hexdigest() != made["sha256"]:
+                raise UserError(
+                    f"{path} is not what study allocate wrote.", "Restore the file from a copy."
+                )
+            found += json.loads(text)[stratum]
+        return found
+
+    def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:
+        """Open the next place of the participant's stratum, by its code or the sealed list."""
+        stratum = self._strata[code]
+        place, committed = self.next_place(stratum), self._commitments(stratum)
+        if not self.lists:
+            raise UserError(
+                "The study has no list of allocations, so nobody has a group.",
+                f"A third person makes it: esea-host study allocate {self.folder} --keep FILE "
+                "--operator NAME",
+            )
+        if place > len(committed):
+            raise UserError(
+                f"All {len(committed)} places{_of(stratum)} are open.",
+                "The third person adds further ones: study allocate with --reason.",
+            )
+        if by and by in {e.by for e in self.lists}:
+            raise UserError(
+                f"{by} made the list of allocations.", "Somebody else runs the sessions."
+            )
+        if not opening:
+            raise UserError(
+                f"{code} has no group yet: place {place}{_of(stratum)} is to be opened.",
+                f"Ask {self.lists[-1].by or 'the third person'} for the code of that place, then "
+                "add --open CODE; or name the sealed list, --open FILE.",
+            )
+        path = Path(opening)
+        given = code_in(path, stratum, place) if path.is_file() else opening
+        given = re.sub("[^0-9A-Z]", "", given.upper())
+        for group in sorted(self.protocol.file.groups):
+            if Envelope(stratum, place, group, given).commitment == committed[place - 1]:
+                known = {"participant": code, "stratum": stratum, "place": place}
+                if blinded:
+                    return {**known, "sealed": sealed(self.key, [group, given])}
+                return {**known, "group": group, "code": given}
+        raise UserError(
+            f"{given or 'That'} does not open place {place}{_of(stratum)}.",
+            "Read the code of that place again.",
+        )

@@ -1,0 +1,79 @@
+"""What an entry of a study's audit trail must hold, and what the program was that wrote it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import esea_gen
+import esea_host
+from esea_gen.errors import UserError
+from esea_gen.version import __version__
+from esea_host.study.log import LoggedEvent
+
+# Of an adverse event: CTCAE's grades in words; relation to the device as in ISO 14155.
+SEVERITIES = ("mild", "moderate", "severe", "life-threatening", "fatal")
+RELATIONS = ("not-related", "possible", "probable", "causal")
+# By kind: of which type a value is, or which words it may be.
+RECORDS: Mapping[str, Mapping[str, type | tuple[str, ...]]] = {
+    "enrol": {"participant": str},
+    "consent": {"participant": str, "date": str, "form": str, "by": str},
+    "withdraw": {"participant": str},
+    "delete": {"participant": str},
+    "session_start": {"participant": str, "session": int},
+    "session_end": {"participant": str, "session": int, "head": str},
+    "deviation": {"text": str},
+    "adverse": {
+        "participant": str,
+        "severity": SEVERITIES,
+        "relation": RELATIONS,
+        "action": str,
+        "text": str,
+    },
+    "allocate": {"file": str, "sha256": str, "places": int},
+    "disclose": {"participant": str, "stratum": str, "place": int},
+    "unblind": {"role": str, "reason": str},
+    "repair": {"log": str},
+}
+_FORMER_KINDS = {"enrolled": "enrol", "deleted": "delete"}
+
+
+def renamed(e: LoggedEvent) -> LoggedEvent:
+    """Under the kind that it has today."""
+    return replace(e, kind=_FORMER_KINDS.get(e.kind, e.kind))
+
+
+def lack(kind: str, data: Mapping[str, Any]) -> str:
+    """What an entry does not hold, or holds wrongly; empty: nothing."""
+    found = []
+    for name, kind_of in RECORDS.get(kind, {}).items():
+        value = data.get(name)
+        if not isinstance(kind_of, tuple):
+            found += [] if isinstance(value, kind_of) else [name]
+        elif value not in kind_of:
+            found.append(f"{name} ({', '.join(kind_of)})")
+    return f"{kind} has no {', '.join(found)}" if found else ""
+
+
+def check_record(kind: str, data: Mapping[str, Any]) -> None:
+    empty = [
+        n for n in RECORDS.get(kind, {}) if isinstance(x := data.get(n), str) and not x.strip()
+    ]
+    if wrong := lack(kind, data) or (f"{kind} has an empty {', '.join(empty)}" if empty else ""):
+        raise UserError(f"Not recorded: {wrong}.", "Give it.")
+
+
+@cache
+def program() -> dict[str, str]:
+    """Version of this program, and the SHA-256 of its Python and TOML files."""
+    digest = hashlib.sha256()
+    for top in (Path(str(m.__file__)).parent for m in (esea_gen, esea_host)):
+        for file in sorted(top.rglob("*")):
+            if file.suffix in (".py", ".toml"):
+                name = file.relative_to(top.parent).as_posix()
+                digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return {"version": __version__, "sha256": digest.hexdigest()}

@@ -1,0 +1,70 @@
+"""Repair of a study whose logs are broken: what is behind a break is moved aside, never deleted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from esea_gen.errors import UserError
+from esea_host.study.folder import AUDIT, WAIT_S, StudyFolder
+from esea_host.study.log import EventLog, MovedAside, read_log
+from esea_host.study.records import renamed
+
+
+def repair(study: StudyFolder) -> list[str]:
+    """Have every log end before its first break; what was done, a sentence each.
+
+    Entries of the audit trail behind the break that are intact in themselves are entered again.
+    """
+    path = study.path / AUDIT
+    if all(e.kind != "created" for e in read_log(path).entries):
+        raise UserError(
+            f"{path}: the entry 'created' cannot be read.", "Restore the file from a copy."
+        )
+    study.must_know_operator()
+    said = []
+    with EventLog(path, study.durable, study.by, WAIT_S, mend=True) as trail:
+        if trail.moved_aside:
+            trail.append(None, "repair", _entry(AUDIT, trail.moved_aside, trail))
+            again = _enter_again(trail, trail.moved_aside)
+            said.append(f"{_told(AUDIT, trail.moved_aside)}; {again} of its entries are back")
+        for code, number, log in study.sessions(every=True):
+            name = log.relative_to(study.path).as_posix()
+            try:
+                session = EventLog(log, study.durable, study.by, mend=True)
+            except UserError as error:
+                said.append(f"{name}: not repaired: {error}")
+                continue
+            with session:
+                if session.moved_aside:
+                    entry = _entry(name, session.moved_aside, session)
+                    if session.found.entries:
+                        session.append(session.found.entries[-1].time_s, "repair", entry)
+                    else:
+                        log.unlink()
+                    who = {"participant": code, "session": number}
+                    trail.append(None, "repair", entry | who)
+                    said.append(_told(name, session.moved_aside))
+    return said
+
+
+def _entry(name: str, moved: MovedAside, log: EventLog) -> dict[str, Any]:
+    found = {"log": name, "aside": moved.file, "sha256": moved.sha256}
+    return found | {"breaks": moved.breaks, "kept": len(log.found.entries)}
+
+
+def _told(name: str, moved: MovedAside) -> str:
+    return f"{name}: what was behind the break ({moved.breaks[0]}) is in {moved.file} beside it"
+
+
+def _enter_again(trail: EventLog, moved: MovedAside) -> int:
+    once = ("created", "enrol")
+    known = {(e.kind, e.data.get("participant")) for e in map(renamed, trail.found.entries)}
+    count = 0
+    for e in map(renamed, moved.lines):
+        key = e.kind, e.data.get("participant")
+        if e.kind not in once or key not in known:
+            was = {"utc": e.utc, "by": e.by, "n": e.number}
+            trail.append(None, e.kind, {**e.data, "restored": was})
+            count += 1
+        known.add(key)
+    return count

@@ -1,0 +1,81 @@
+"""An adverse event in the operator's window: the trial is stopped first, if asked, then written."""
+
+from __future__ import annotations
+
+from PySide6.QtWidgets import QFrame, QLabel, QLineEdit
+
+from esea_gen.errors import UserError
+from esea_host.study.conductor import Conductor
+from esea_host.study.records import RELATIONS, SEVERITIES
+from esea_host.study.words import Words
+from esea_host.windows.frame import column_of, push_button, row_of
+from esea_host.windows.number_field import Choice
+from esea_host.windows.theme import LIGHT
+
+# What is recorded is the key.
+CHOICES = {
+    "severity": SEVERITIES,
+    "relation": RELATIONS,
+    "action": (
+        *("none", "trial-stopped", "session-stopped", "device-changed", "treated"),
+        "withdrawn",
+    ),
+}
+
+
+class AdversePanel(QFrame):
+    """A part of the window, so that nothing ever covers the stop."""
+
+    def __init__(self, conductor: Conductor, words: Words) -> None:
+        super().__init__()
+        self.conductor, self.words, self.theme = conductor, words, LIGHT
+        self.setFrameShape(QFrame.Shape.StyledPanel)
+        self.choices = {name: Choice() for name in CHOICES}
+        columns = []
+        for name, choice in self.choices.items():
+            choice.addItem(words("adverse.choose"), "")
+            for key in CHOICES[name]:
+                choice.addItem(words(f"adverse.{key}"), key)
+            columns.append((column_of(QLabel(words(f"adverse.{name}")), choice), 1))
+        self.text, self.told = QLineEdit(), QLabel()
+        self.text.setPlaceholderText(words("adverse.write_here"))
+        self.told.setWordWrap(True)
+        self.stop_trial = push_button(words("adverse.stop_trial"), conductor.hold_now, focus=False)
+        record = push_button(words("adverse.record"), self.record, focus=False)
+        cancel = push_button(words("adverse.cancel"), self.leave, focus=False)
+        title = QLabel(f"<b>{words('adverse.title')}</b>")
+        upper = row_of((title, 1), self.stop_trial)
+        lower = row_of((self.text, 1), record, cancel)
+        self.setLayout(column_of(upper, row_of(*columns), lower, self.told))
+        self.told.hide()
+        self.hide()
+
+    def open(self) -> None:
+        self.show()
+        self.choices["severity"].setFocus()
+
+    def leave(self) -> None:
+        """Without a record; what was chosen is forgotten."""
+        for choice in self.choices.values():
+            choice.setCurrentIndex(0)
+        self.text.clear()
+        self._tell("")
+        self.hide()
+
+    def record(self) -> None:
+        chosen = {name: str(c.currentData()) for name, c in self.choices.items()}
+        text = self.text.text().strip()
+        if not text or not all(chosen.values()):
+            self._tell(self.words("adverse.lacking"))
+            return
+        try:
+            self.conductor.adverse(**chosen, text=text)
+        except (UserError, OSError) as error:  # a full disk: what was written stays in the fields
+            self._tell(self.words("adverse.not_recorded", problem=str(error)))
+            return
+        self.leave()
+
+    def _tell(self, text: str) -> None:
+        self.told.setText(text)
+        self.told.setStyleSheet(f"color: {self.theme.alarm}")
+        self.told.setVisible(bool(text))
