@@ -206,4 +206,4 @@ def test_speeds_at_nodes_of_a_swing():
 def test_live_quality_says_what_to_do(trace, keys):
     found = quality(-40.0, 40.0, [trace])
     assert {c.key for c in found} == keys
-    assert all(c.what and c.fix for c in found)
+    assert all(c.words for c in found)
