@@ -191,7 +191,7 @@ def test_speeds_at_nodes_of_a_swing():
     assert found.nodes_deg == (-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0)
     wanted = [2 * np.pi * 0.3 * np.sqrt(1600 - n * n) for n in found.nodes_deg]
     assert found.speeds_deg_s == pytest.approx(wanted, rel=5e-3)
-    assert len(crossings(t, theta, 10.0).speeds_deg_s) == 6  # three periods, either way
+    assert len(crossings([(t, theta)], 10.0)) == 6  # three periods, either way
 
 
 @pytest.mark.parametrize(

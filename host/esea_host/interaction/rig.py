@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from importlib import resources
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -78,17 +77,13 @@ PUBLISHED_NM_DEG = {"spring": 0.0502, "elastomer": 0.0480}
 ELEMENTS = ("spring", "elastomer", "equal")  # equal: an ideal spring as stiff as the elastomer
 
 
-def element_file(element: str) -> Path:
-    """The device file of an element, to give to any command that takes one."""
-    return Path(str(resources.files("esea_host.interaction") / "devices" / f"rig_{element}.toml"))
-
-
 @cache
 def element_device(element: str) -> Device:
     """The element as a device of the generator, read once a process."""
-    return load_device(element_file(element))
+    return load_device(Path(__file__).parent / "devices" / f"rig_{element}.toml")
 
 
+@lru_cache(maxsize=8)
 def simulated_loading(
     device: Device, protocol: LoadingProtocol | None = None, skip_first: bool = False
 ) -> LoadingCurve:

@@ -143,14 +143,9 @@ class LiveFeed:
         self.news.state = self.device.state()
         while self.device.texts:
             self.news.said = f"the board says: {self.device.texts.popleft()}"
-        number = self._fault_now()
+        number = self.device.fault() if self.news.state in ("FAULT", "STOPPED") else 0
         self.news.fault = fault_text(self.device.session.dialect, number) if number else None
         self.news.health = self.device.health() | {"not_shown": self.dropped_rows}
-
-    def _fault_now(self) -> int:
-        if self.news.state not in ("FAULT", "STOPPED"):
-            return 0
-        return self.device.fault()
 
     def do(self, what: str, job: Callable[[], Any]) -> None:
         """Have something done that may wait for the board or for the disk; returns at once."""
