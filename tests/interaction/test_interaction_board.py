@@ -49,21 +49,6 @@ name = "both"
 """
 
 
-class Careless(Attendant):
-    """Leaves in what is in."""
-
-    def build_in(self, spring_Nm_rad: float) -> None:
-        """Nothing."""
-
-
-class Careful(Attendant):
-    """Builds in what is asked for."""
-
-    def build_in(self, spring_Nm_rad: float) -> None:
-        """In the virtual coupling; the board's torque model stays the elastomer's."""
-        self.drive.build_in(spring_Nm_rad)
-
-
 @pytest.fixture
 def session_of(tmp_path, simulated_elbow):
     """A session of blocks at the simulated drive, and its source."""
@@ -96,7 +81,7 @@ def told(session, kind):
 
 def test_both_elements_are_confirmed_played_and_replayed(session_of, simulated_elbow):
     blocks = ("tracking", "elastomer", 2.0), ("pong", "spring", 1.0), ("tracking", "spring", 1.0)
-    study, session = session_of(Careful(simulated_elbow), *blocks)
+    study, session = session_of(Attendant(simulated_elbow).do, *blocks)
     assert session.run() == ""
     elements = told(session, "element")
     assert [e["element"] for e in elements] == ["elastomer", "spring"]  # once a swap
@@ -132,7 +117,14 @@ def test_a_wrong_element_refuses_its_block_and_the_trial_stays_to_be_done(
 ):
     simulated_elbow.build_in(spring_Nm_rad(ELBOW, "spring"))
     blocks = ("tracking", "spring", 1.0), ("pong", "elastomer", 1.0)
-    _, session = session_of(Careless(simulated_elbow), *blocks)
+    attendant = Attendant(simulated_elbow)
+
+    def careless(word, number):
+        """Leave in what is in."""
+        if word != "spring":
+            attendant.do(word, number)
+
+    _, session = session_of(careless, *blocks)
     reason = session.run()
     assert "It measures as: spring, equal. Build in the elastomer" in reason
     assert [e["confirmed"] for e in told(session, "element")] == [True, False]

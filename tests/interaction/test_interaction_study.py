@@ -301,7 +301,7 @@ def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
     who = person(np.random.default_rng(1), PersonModel())
     task, state = begun("pong")
     situation = Situation(state.parameters, "spring", (), 1)
-    player = RigPlayer(who, ElementRig("spring", who.limbs[0]), [0.0], situation)
+    player = RigPlayer(who, ElementRig("spring", who.limbs[0]).advance, [0.0], situation)
     state = dataclasses.replace(state, paddle=tasks.Paddle(80.0))
     scene, when = Scene(), None
     for _ in range(500):
@@ -319,7 +319,7 @@ def test_the_trial_says_which_element_is_in_and_only_whole_trials_are_kept(gcc, 
     for element in ("elastomer", "spring"):
         task, state = begun("tracking", element=element)
         hand = source.hand(task, Situation(state.parameters, element, (), 1), 1)
-        assert hand.rig.element == element
+        assert hand.advance.__self__.element == element
         hand.react(Scene(), {})
     for state in ("aborted", "failed"):
         source.over(1, state)

@@ -344,7 +344,7 @@ def _source(
 
 def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
     from esea_gen.studies.torque_check.procedure import KnownLoad
-    from esea_host.interaction.on_board import ElementBoard, ProcessHands
+    from esea_host.interaction.on_board import ElementBoard, process_hands
 
     if (asked.mass is None) != (asked.lever is None):
         raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
@@ -355,7 +355,7 @@ def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Aske
     if address is None or address.kind != "sim":
         return ElementBoard(source, known)
     return ElementBoard(
-        source, known, ProcessHands(source.device), _person(study, code, asked.seed)
+        source, known, process_hands(source.device), _person(study, code, asked.seed)
     )
 
 

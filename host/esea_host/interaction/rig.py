@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -101,25 +100,19 @@ LEAST_TIME_S = 0.5
 LOST_S = 3.0
 
 
-class MovedRig(Protocol):
-    """What a player's hand moves."""
-
-    def advance(self, muscle: Sequence[float]) -> list[float]: ...
-
-
 class RigPlayer(MovingHand):
     """A person on the rig, for one trial."""
 
     def __init__(
         self,
         who: VirtualParticipant,
-        rig: MovedRig,
+        advance: Callable[[Sequence[float]], list[float]],
         aims: list[float],
         situation: Situation,
         paused: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(who, aims, HANDLE_KGM2)
-        self.rig, self.asked = rig, situation.parameters
+        self.advance, self.asked = advance, situation.parameters
         self.read: list[float] = []
         self.waited: list[bool] = []
         self._paused = paused
@@ -127,7 +120,7 @@ class RigPlayer(MovingHand):
 
     def move(self, muscles: Sequence[Sequence[float]], requests: Mapping[str, float]) -> Inputs:
         """A frame of the rig; the encoder's milliseconds are kept."""
-        new = self.rig.advance(muscles[0])
+        new = self.advance(muscles[0])
         self.read += new
         self.waited += [self._paused()] * len(new)
         long = self._lost_since_s is not None and self.time_s - self._lost_since_s > LOST_S

@@ -67,7 +67,7 @@ class RigSource(PersonSource):
             self._rigs[element] = ElementRig(element, self.who.limbs[0])
         rig = self._rig = self._rigs[element]
         rig.start()
-        self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
+        self._player = RigPlayer(self.who, rig.advance, self.aims, situation, lambda: self.paused)
         return self._player
 
     def over(self, number: int, state: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import os
 import secrets
 import select
@@ -226,16 +227,11 @@ class Hands:
         if len(numbers) != 1 or len(drive.axes) != 1 or drive.passive:
             return
         self._attendant = self._attendant or Attendant(drive)
-        number, somebody = numbers[0], self._attendant
-        if word == "aim" and abs(number) <= MOST_AIM_RAD:
-            somebody.aim(number)
-        elif word == "hang" and abs(number) <= drive.device.tau_full_scale_Nm:
-            somebody.hang(number)
-        elif word == "let-go":
-            somebody.let_go()
-        elif word == "spring" and number >= 0:
-            with contextlib.suppress(UserError):  # one that no coupling has
-                drive.build_in(number)
+        most = dict.fromkeys(("let-go", "spring"), math.inf)
+        most |= {"aim": MOST_AIM_RAD, "hang": drive.device.tau_full_scale_Nm}
+        if abs(numbers[0]) <= most.get(word, -1.0):
+            with contextlib.suppress(UserError):  # a spring that no coupling has
+                self._attendant.do(word, numbers[0])
 
 
 def serve_hosts(
@@ -325,6 +321,11 @@ class Attendant:
         self._noise = np.random.default_rng([seed, 5])
         self._aim: tuple[float, float, int] | None = None  # place, step, steps left
 
+    def do(self, word: str, number: float) -> None:
+        """Do something by its word, as :class:`Hands` has them."""
+        acts = {"aim": self.aim, "hang": self.hang, "spring": self.drive.build_in}
+        acts.get(word, self.let_go)(number)
+
     def hang(self, load_Nm: float) -> None:
         """Hold the motor, nobody in the joint, and hang a mass on it, without a jerk; 0: none."""
         now_Nm, self._hung_Nm, self._aim = self._hung_Nm, load_Nm, None
@@ -337,7 +338,7 @@ class Attendant:
 
         self.drive.set_up(person=HANGING, hand=pulling, values=LOCKED)
 
-    def let_go(self) -> None:
+    def let_go(self, _: float = 0.0) -> None:
         """Let the motor go; whoever was in the joint at first holds it where it is."""
         self._hung_Nm = 0.0
         self._lead()
