@@ -13,8 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary, compile_system
+from esea_gen.language.system import System, Task
 from esea_host.interaction.loading import LoadingCurve, LoadingProtocol, analyse_loading
 from esea_host.interaction.tasks import (
     DAMPING_NMS_RAD,
@@ -25,11 +28,12 @@ from esea_host.interaction.tasks import (
 )
 from esea_host.people.hand import MovingHand, shape
 from esea_host.people.person import Limb, VirtualParticipant
-from esea_host.people.rig import SensedRig
 from esea_host.study.scene import Scene
 from esea_host.study.task import Inputs, Situation
 
 HANDLE_KGM2 = 0.001
+STEPS = 10  # of 1 ms in a frame of 10 ms
+RUNS = ("READY", "UNREFERENCED", "ARMED", "ACTIVE", "LETTING_GO", "STOPPED")
 
 
 def law_ends(element: str) -> tuple[float, float]:
@@ -38,14 +42,62 @@ def law_ends(element: str) -> tuple[float, float]:
     return float(device.sensor.inputs[0].high), float(device.file.domain.tau_full_scale_Nm.value)
 
 
-class ElementRig(SensedRig):
-    """A wrist on the rig."""
+@lru_cache(maxsize=8)
+def _law(device: Device) -> HostLibrary:
+    inputs = {"theta_rad": ("sensor.theta_rad",), "omega_rad_s": ("sensor.omega_rad_s",)}
+    blocks, task = {"sensor": device.sensor}, Task("bend", ("sensor",))
+    outputs = {"tau_Nm": "sensor.tau_Nm"}
+    name, period = f"{device.name}_law", device.period_s
+    return compile_system(System(name, period, blocks, (task,), {}, inputs, outputs), "f64")
+
+
+class CoupledLimb:
+    """A limb that holds a handle on an element whose other side stands still; from zero."""
+
+    def __init__(self, device: Device, limb: Limb) -> None:
+        library = self._library = _law(device)
+        prefix, ffi = library.prefix, library.ffi
+        self._bend = library.function(f"{prefix}_bend_step")
+        self._state = ffi.new(f"{prefix}_state_t *")
+        library.function(f"{prefix}_init")(self._state)
+        self._in, self._out = ffi.new(f"{prefix}_bend_in_t *"), ffi.new(f"{prefix}_bend_out_t *")
+        self._h, self._limb = device.period_s, limb
+        self._inertia_kgm2 = limb.inertia_kgm2 + HANDLE_KGM2
+        self.theta_rad = self.omega_rad_s = self.tau_Nm = 0.0
+        self.deflection_rad = self.deflection_rad_s = 0.0
+
+    def step(self, muscle: Sequence[float], share: float) -> None:
+        h, given, theta, omega = self._h, self._in, self.theta_rad, self.omega_rad_s
+        given.theta_rad, given.omega_rad_s = self.deflection_rad, self.deflection_rad_s
+        self._bend(self._state, given, self._out)
+        self.tau_Nm = tau = self._out.tau_Nm
+        hand = self._limb.torque_Nm(theta, omega, muscle, share, STEPS * h)
+        self.omega_rad_s = omega = omega + h * (hand + tau) / self._inertia_kgm2
+        self.theta_rad = theta + h * omega
+        self.deflection_rad_s = -omega
+        self.deflection_rad += h * self.deflection_rad_s
+
+
+class ElementRig:
+    """A wrist on the rig, which the firmware's application senses.
+
+    Each millisecond the application on the board ``sim`` reads the encoder, in whole counts, and
+    runs whole: schedule, latches, tasks, main loop.  What is known of torque and angle is what it
+    makes of that.  The element itself has its law's torque at its true deflection.
+    """
 
     def __init__(self, element: str, limb: Limb) -> None:
-        super().__init__(element_device(element), (limb,), HANDLE_KGM2)
-        self.element = element
+        self.element, self._limb, self.device = element, limb, element_device(element)
+        self.board = SimBoard(self.device)
+        self._count_rad = 2 * math.pi / 2**self.device.file.encoder.resolution_bits.value
         self._most_rad, _ = law_ends(element)
         self._at = self.board.places["theta_rad"], self.board.places["tau_Nm"]
+        self.start()
+
+    def start(self) -> None:
+        """From rest at zero, the board just powered on."""
+        self.wrist = CoupledLimb(self.device, self._limb)
+        self.board.restart()
 
     @property
     def theta_rad(self) -> float:
@@ -57,18 +109,32 @@ class ElementRig(SensedRig):
 
     def advance(self, muscle: Sequence[float]) -> list[float]:
         """A frame; the board's angle at each of its milliseconds."""
-        wrist, read = self.axes[0], self.frame((muscle,), "theta_rad")
+        board, wrist, read = self.board, self.wrist, []
+        for k in range(STEPS):
+            wrist.step(muscle, (k + 1) / STEPS)
+            # Motor side minus load side; the motor side stands still.
+            counts = round(wrist.deflection_rad / self._count_rad)
+            board.drivers[0] = counts * self._count_rad
+            board.step()
+            read.append(self.theta_rad)
+        if board.state_now not in RUNS:
+            raise UserError(
+                f"The simulated board of {self.device.name} is {board.state_now}.",
+                "Nothing that it says of angle and torque is true now; begin the session again.",
+            )
         if abs(wrist.theta_rad) > self._most_rad:
             raise UserError(
                 f"The {self.element} is bent by {math.degrees(wrist.theta_rad):.1f} deg, its law "
                 f"goes to {math.degrees(self._most_rad):.1f} deg.",
                 "Ask people for less motion.",
             )
-        return [-x for x in read]
+        return read
 
-    def show(self) -> None:
-        # Motor side minus load side; the motor side stands still.
-        self.board.drivers[0] = self.counted(self.axes[0].deflection_rad)
+
+def compile_rig(element: str) -> None:
+    """Once, before the processes start."""
+    _law(element_device(element))
+    SimBoard(element_device(element)).close()
 
 
 # Thesis section 6.4, Nm/deg.
