@@ -202,7 +202,7 @@ def _holder(file: int) -> dict[str, Any]:
 
 def _held(path: Path, holder: Mapping[str, Any], fix: str) -> UserError:
     who, pid, host, since = (holder.get(k, "?") for k in ("person", "pid", "host", "since"))
-    text = f"{path.with_suffix('')} is in use by {who} (process {pid} on {host}, since {since})."
+    text = f"{path}: in use by {who} (process {pid} on {host}, since {since})."
     return UserError(text, fix)
 
 

@@ -131,7 +131,7 @@ def run_cases(
     who = workers if isinstance(workers, Workers) else Workers(workers)
     with contextlib.ExitStack() as stack:
         finished: dict[str, Result] = {}
-        add: Callable[[Result], None] = _forget
+        add: Callable[[Result], None] | None = None
         if folder is not None:
             finished, add = stack.enter_context(Journal(folder, configuration).opened())
         done = {
@@ -148,7 +148,8 @@ def run_cases(
         report()
         missing = [c for k, c in plain.items() if k not in done]
         for result in _results(functools.partial(_run, function), missing, who):
-            add(result)
+            if add is not None:
+                add(result)
             done[canonical(result.case)] = result
             report()
     return MonteCarlo(configuration, tuple(done[k] for k in plain))
@@ -165,10 +166,6 @@ def _plain(cases: Sequence[Case]) -> dict[str, dict[str, Any]]:
     if not plain:
         raise UserError("cases: none.", "Give at least one.")
     return plain
-
-
-def _forget(_: Result) -> None:
-    return
 
 
 Work = Callable[[dict[str, Any]], Result]

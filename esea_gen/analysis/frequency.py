@@ -219,17 +219,13 @@ class OutputImpedance:
         """Equivalent inertia, damping and stiffness: K + j w B - w^2 J."""
         used = self.angle.band(low_Hz, high_Hz)
         w = 2 * np.pi * used.frequency_Hz
-        weight = 1 / used.gain
-        zero = np.zeros_like(w)
-        # Scaled by the highest frequency: the columns are then of like size.
+        # Relative to the gain; scaled by the highest frequency, so that columns are of like size.
         top = float(w[-1])
-        base = np.concatenate(
-            [
-                np.stack([-((w / top) ** 2), zero, np.ones_like(w)], axis=1) * weight[:, None],
-                np.stack([zero, w / top, zero], axis=1) * weight[:, None],
-            ]
-        )
-        wanted = np.concatenate([used.response.real * weight, used.response.imag * weight])
+        columns = np.stack([-((w / top) ** 2), 1j * w / top, np.ones_like(w)], axis=1)
+        columns = columns / used.gain[:, None]
+        relative = used.response / used.gain
+        base = np.concatenate([columns.real, columns.imag])
+        wanted = np.concatenate([relative.real, relative.imag])
         found = np.linalg.lstsq(base, wanted, rcond=None)[0]
         rest = wanted - base @ found
         variance = float(rest @ rest) / max(len(wanted) - 3, 1)

@@ -113,7 +113,7 @@ class Journal:
             finished = self._read(stream)
 
             def add(result: Result) -> None:
-                _append(stream, _line(result))
+                _append(stream, canonical(vars(result) | {"check": _check(result)}))
 
             yield finished, add
 
@@ -159,7 +159,3 @@ def _append(stream: IO[bytes], line: str) -> None:
 
 def _check(result: Result) -> str:
     return hashlib.sha256(canonical(vars(result)).encode()).hexdigest()[:8]
-
-
-def _line(result: Result) -> str:
-    return canonical(vars(result) | {"check": _check(result)})

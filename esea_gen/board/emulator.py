@@ -47,17 +47,6 @@ def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
     return [*command, "-nodefaults", *more]
 
 
-def program_command(image: FirmwareImage, board: Board) -> list[str]:
-    """What runs an image that is a program, on a processor of its own or emulated."""
-    runner = board.runner and find_compiler(board.runner, "qemu-user")
-    return [*([runner] if runner else []), str(image.elf)]
-
-
-def emulator_version() -> str:
-    """First line of QEMU's version."""
-    return compiler_version(find_qemu())
-
-
 def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:
     """Start what an image runs on, QEMU or the host itself."""
     board = find_board(image.board)
@@ -67,7 +56,9 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
             "Drive it from Python (esea_gen.board.sim.SimBoard), or choose another board.",
         )
     if not board.machine:
-        return ProcessTransport.over_stdio([*program_command(image, board), *options])
+        # On a processor of its own, or emulated.
+        runner = [find_compiler(board.runner, "qemu-user")] if board.runner else []
+        return ProcessTransport.over_stdio([*runner, str(image.elf), *options])
     with (
         tempfile.TemporaryDirectory(prefix="esea-") as folder,
         socket.socket(socket.AF_UNIX) as server,
@@ -332,7 +323,7 @@ def run_tasks_in_emulator(
             bad_frames=info.bad_frames,
             unknown_messages=info.unknown_messages,
             lost_bytes=info.lost_bytes,
-            emulator=emulator_version() if emulated else "none: the host itself",
+            emulator=compiler_version(find_qemu()) if emulated else "none: the host itself",
             compiler=image.compiler,
             duration_s=duration_s,
             outputs=outputs[name],

@@ -92,12 +92,6 @@ def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
 
 
-def _sections(elf: Path, size: str) -> dict[str, int]:
-    done = run_tool([size, "-A", elf], failed="size failed")
-    rows = (line.split() for line in done.stdout.splitlines())
-    return {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
-
-
 def build_firmware(
     device: Device,
     board: str,
@@ -137,7 +131,9 @@ def build_firmware(
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
 
-        sections = _sections(built, find_compiler(*toolchain.tool("size")))
+        size = [find_compiler(*toolchain.tool("size")), "-A", built]
+        rows = (x.split() for x in run_tool(size, failed="size failed").stdout.splitlines())
+        sections = {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
         graphs = sorted((folder / real).glob("*.ci"))
         entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}
         step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
@@ -154,6 +150,7 @@ def build_firmware(
                 f"({bounds}), the image has {stack_bytes}.",
                 "Ask for less in one task; with a [family] take a member of fewer terms.",
             )
+        digest = re.search(r'_CONTENT_HASH "(\w+)"', files[f"{prefix}.h"])
         target = out / built.name
         write_whole(target, built.read_bytes())
         target.chmod(0o755)
@@ -162,7 +159,7 @@ def build_firmware(
         board=board,
         real=real,
         device=device.name,
-        content_hash=_hash_in(files[f"{prefix}.h"]),
+        content_hash=digest[1] if digest else "",
         flash_bytes=sections.get(".text", 0) + sections.get(".data", 0),
         ram_bytes=sections.get(".data", 0) + sections.get(".bss", 0),
         noinit_bytes=sections.get(".noinit", 0),
@@ -251,8 +248,3 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
     sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
     names = [p.relative_to(folder).as_posix() for p in sources]
     return compile_objects(folder, board.processor.toolchain, flags, names)
-
-
-def _hash_in(header: str) -> str:
-    found = re.search(r'_CONTENT_HASH "(\w+)"', header)
-    return found.group(1) if found else ""

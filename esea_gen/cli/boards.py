@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,8 +17,6 @@ from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
-
     from esea_gen.device import Device
 
 
@@ -102,76 +99,57 @@ def emulate(
     A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
     given in the tuning case in closed loop with the virtual exoskeleton.
     """
+    from esea_gen.report.findings import emulated
+
     loaded = esea_gen.load_device(device, controller)
-    following = "report", device, *(("--controller", controller) if controller else ())
-    if loaded.laws:
-        if recording is not None or data is not None:
-            raise UserError(
-                f"{loaded.origin}: a drive is not run on a recorded deflection.",
-                "Leave --recording and --data out: its inputs are recorded from the simulation.",
-            )
-        _emulate_drive(loaded, board, 3.0 if seconds is None else seconds, json_file)
-        out.next(*following)
-        return
-    if seconds is not None:
-        raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
-    deflections = recorded_streams(loaded, recording, data)
-    if not deflections:
+    deflections: dict[str, Any] = {}
+    if loaded.laws and (recording is not None or data is not None):
+        raise UserError(
+            f"{loaded.origin}: a drive is not run on a recorded deflection.",
+            "Leave --recording and --data out: its inputs are recorded from the simulation.",
+        )
+    if not loaded.laws:
+        if seconds is not None:
+            raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
         from esea_gen.verify.streams import domain_chirp
 
-        deflections = {"chirp in the domain": domain_chirp(loaded)}
-    results = emulate_deflections(loaded, board, deflections)
-    for name, r in results.items():
-        same = "same bits as the host's" if r["identical"] else f"DIFFERS {r['first_difference']}"
-        n = r["instructions"] or dict.fromkeys(("min", "median", "max"), "not counted")
-        out.print(
-            f"{name}: {r['steps']} steps, {same}; instructions per step "
-            f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
-        )
-    write_json(json_file, "emulate", {"device": loaded.name, "streams": results})
-    exit_unless(all(r["identical"] for r in results.values()))
-    out.next(*following)
-
-
-def _show(progress: Progress, bar: TaskID, done: int, _: int) -> None:
-    progress.update(bar, completed=done)
-
-
-def emulate_deflections(
-    loaded: Device, board: str, deflections: dict[str, Any]
-) -> dict[str, dict[str, Any]]:
-    """Build firmware and run deflection streams on the emulated board, every task of it."""
-    from esea_gen.board.emulator import run_tasks_in_emulator
-    from esea_gen.board.firmware import build_firmware
-    from esea_gen.verify.streams import deflection_inputs
-
-    results: dict[str, dict[str, Any]] = {}
-    tasks = loaded.system.tasks
-    with tempfile.TemporaryDirectory() as scratch:
-        image = build_firmware(loaded, board, Path(scratch) / "image")
-        with progress_bar() as p:
-            for name, theta in deflections.items():
-                bar = p.add_task(name, total=len(theta) * len(tasks))
-                found = run_tasks_in_emulator(
-                    loaded,
-                    image,
-                    {t.name: deflection_inputs(loaded.system, theta, t) for t in tasks},
-                    progress=partial(_show, p, bar),
-                )
-                results |= {
-                    f"{name}, {task}" if len(tasks) > 1 else name: result.to_dict()
-                    for task, result in found.items()
-                }
-    return results
-
-
-def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path | None) -> None:
-    if not (math.isfinite(seconds) and seconds >= loaded.period_s):
+        deflections = recorded_streams(loaded, recording, data) or {
+            "chirp in the domain": domain_chirp(loaded)
+        }
+    lasting_s = 3.0 if seconds is None else seconds
+    if not (math.isfinite(lasting_s) and lasting_s >= loaded.period_s):
         raise UserError(
-            f"--seconds {seconds:g} is less than a period.", "Give a number of seconds, such as 3."
+            f"--seconds {lasting_s:g} is less than a period.",
+            "Give a number of seconds, such as 3.",
         )
-    results = emulate_tasks(loaded, board, round(seconds / loaded.period_s))
-    content = {t: r.to_dict() for t, r in results.items()}
+    with progress_bar() as p:
+
+        def told(what: str) -> Callable[[int, int], None]:
+            bar = p.add_task(what, total=None)
+            return lambda done, total: p.update(bar, completed=done, total=total)
+
+        ticks = round(lasting_s / loaded.period_s)
+        _, results = emulated(loaded, board, deflections, ticks, told)
+    content = {name: r.to_dict() for name, r in results.items()}
+    if loaded.laws:
+        _show_tasks(results)
+        found = {"device": loaded.name, "case": "tuning", "tasks": content}
+        write_json(json_file, "emulate-drive", found)
+    else:
+        for name, r in content.items():
+            same = "same bits as the host's"
+            same = same if r["identical"] else f"DIFFERS {r['first_difference']}"
+            n = r["instructions"] or dict.fromkeys(("min", "median", "max"), "not counted")
+            out.print(
+                f"{name}: {r['steps']} steps, {same}; instructions per step "
+                f"{n['min']}/{n['median']}/{n['max']} (min/median/max, emulated)"
+            )
+        write_json(json_file, "emulate", {"device": loaded.name, "streams": content})
+    exit_unless(all(r.identical for r in results.values()))
+    out.next("report", device, *(("--controller", controller) if controller else ()))
+
+
+def _show_tasks(results: dict[str, Any]) -> None:
     from rich.table import Table
 
     table = Table("task", "runs", "bits", "instructions a run", "stack, B")
@@ -191,26 +169,3 @@ def _emulate_drive(loaded: Device, board: str, seconds: float, json_file: Path |
     for r in results.values():
         if r.first_difference is not None:
             out.print(f"{r.task}: {r.first_difference}")
-    found = {"device": loaded.name, "case": "tuning", "tasks": content}
-    write_json(json_file, "emulate-drive", found)
-    exit_unless(all(r.identical for r in results.values()))
-
-
-def emulate_tasks(loaded: Device, board: str, ticks: int) -> dict[str, Any]:
-    """Build firmware and run a drive's tasks on the emulated board, inputs as in closed loop."""
-    from esea_gen.board.emulator import run_tasks_in_emulator
-    from esea_gen.board.firmware import build_firmware
-    from esea_gen.targets import find_board
-    from esea_gen.twin.recorded import record_drive
-
-    find_board(board)
-    with progress_bar() as p, tempfile.TemporaryDirectory() as scratch:
-        bar = p.add_task("recording the tuning case", total=None)
-        inputs = record_drive(loaded, ticks).inputs
-        p.update(bar, description="building firmware")
-        image = build_firmware(loaded, board, Path(scratch) / "image")
-
-        def told(done: int, runs: int) -> None:
-            p.update(bar, description="tuning case", completed=done, total=runs)
-
-        return run_tasks_in_emulator(loaded, image, inputs, progress=told)

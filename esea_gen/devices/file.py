@@ -21,7 +21,7 @@ from pydantic import BaseModel
 from esea_gen.devices.checks import check_content
 from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, SCHEMA, DeviceFile
-from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of
+from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of, toml_entry
 from esea_gen.devices.rubber import Elastomer
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
@@ -53,15 +53,8 @@ def render_toml(file: DeviceFile) -> str:
             if value is None and extra and not row:
                 lines.append(f"# Optional, {key}: {f.description}  {limits}")
             if isinstance(value, Quantity | Series):
-                if isinstance(value, Series):
-                    content = f"values = {[float(v) for v in value.values]!r}"
-                else:
-                    content = f"value = {int(value.value) if extra['whole'] else value.value!r}"
                 lines.extend([f"# {f.description}  {limits}"] if first else [])
-                lines.append(
-                    f"{key} = {{ {content}, status = {json.dumps(value.status)}, "
-                    f"source = {json.dumps(value.source, ensure_ascii=False)} }}"
-                )
+                lines.append(toml_entry(key, value, whole=extra["whole"]))
             elif isinstance(value, str):
                 lines.extend([f"# {f.description}"] if first else [])
                 lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -75,6 +76,17 @@ class Section(BaseModel):
     """A table of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def toml_entry(key: str, number: Quantity | Series, *, whole: bool = False) -> str:
+    if isinstance(number, Series):
+        content = f"values = {[float(v) for v in number.values]!r}"
+    else:
+        content = f"value = {int(number.value) if whole else number.value!r}"
+    return (
+        f"{key} = {{ {content}, status = {json.dumps(number.status)}, "
+        f"source = {json.dumps(number.source, ensure_ascii=False)} }}"
+    )
 
 
 S = TypeVar("S", bound=Section)

@@ -20,7 +20,6 @@ from esea_gen.emit.wrapping import wrap
 from esea_gen.files import template_folder
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
-from esea_gen.language.program import Program
 from esea_gen.language.system import External, Latch, Signal, System
 from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 
@@ -73,12 +72,6 @@ def block_kernels(block: Block) -> dict[str, Kernel]:
     return kernels
 
 
-def emit_block(block: Block | Program, fmt: Format) -> EmittedBlock | EmittedProgram:
-    if block.kind == "program":
-        return emit_program(block, fmt)
-    return fmt.emit(block)
-
-
 _EMITTED: WeakKeyDictionary[System, dict[Format, Emitted]] = WeakKeyDictionary()
 
 
@@ -86,7 +79,10 @@ def _emitted(system: System, fmt: Format) -> Emitted:
     # Printed once: for the content hash, and again with it.
     kept = _EMITTED.setdefault(system, {})
     if fmt not in kept:
-        kept[fmt] = {b.name: emit_block(b, fmt) for b in system.kinds}
+        kept[fmt] = {
+            b.name: emit_program(b, fmt) if b.kind == "program" else fmt.emit(b)
+            for b in system.kinds
+        }
     return kept[fmt]
 
 

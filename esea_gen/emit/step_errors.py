@@ -95,7 +95,12 @@ class StepErrors:
     ) -> None:
         self.computed, self.block, self.known = computed, computed.block, known or Known()
         self.kernel = computed.rounding.kernel
-        self.limits = limits_of(self.block, ranges or {})
+        own = {f"s_{p.name}": (p.low, p.high) for p in self.block.state}
+        own |= {f"u_{p.name}": (p.low, p.high) for p in self.block.inputs}
+        if unknown := sorted(set(ranges or ()) - set(own)):
+            name = self.block.name
+            raise ValueError(f"block {name}: no state or input {unknown}; there are {list(own)}")
+        self.limits = own | dict(ranges or {})
         if self.known.setting is None:
             self.known.setting = self._setting(room)
         self.boxes, self.facts, self._coefficients, self._ends = self.known.setting
@@ -229,7 +234,8 @@ def bound_of(step: StepErrors, name: str) -> Bound:
     )
     if (solved is None or idle) and is_linear(step.kernel, len(block.coefficients)):
         solved, idle = linear_bound(block, step.state_errors(step.once(step.zero)[0])), False
-        method, extra = "linear", linear_assumptions(block)
+        taken = ("no clip of a state acts", "no invalid input is bridged")
+        method, extra = "linear", tuple(f"{block.name}: {x}" for x in taken)
     if solved is None or idle:
         raise RangeError(f"{block.name}: not stable, rounding errors may grow without limit")
     return _bound(step, name, math.inf, solved, method, extra)
@@ -262,15 +268,6 @@ def _bound(
         method,
         assumptions + extra,
     )
-
-
-def limits_of(block: Block, ranges: Ranges) -> dict[str, tuple[float, float]]:
-    own = {f"s_{p.name}": (p.low, p.high) for p in block.state}
-    own |= {f"u_{p.name}": (p.low, p.high) for p in block.inputs}
-    unknown = sorted(set(ranges) - set(own))
-    if unknown:
-        raise ValueError(f"block {block.name}: no state or input {unknown}; there are {list(own)}")
-    return own | dict(ranges)
 
 
 def pieces(limits: tuple[float, float], cuts: Sequence[float]) -> list[tuple[float, float]]:
@@ -398,11 +395,6 @@ def state_matrix(block: Block) -> Array | None:
 def started_flags(block: Block) -> list[int]:
     names = [p.name for p in block.state for _ in range(p.size)]
     return [k for k, name in enumerate(names) if name == "primed"]
-
-
-def linear_assumptions(block: Block) -> tuple[str, ...]:
-    """What :func:`linear_bound` takes as given of every step."""
-    return f"{block.name}: no clip of a state acts", f"{block.name}: no invalid input is bridged"
 
 
 def linear_bound(block: Block, local: Errors) -> Errors | None:

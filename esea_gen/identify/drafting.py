@@ -19,7 +19,7 @@ from esea_gen.identify.published.space import EPS2_DEFAULT, Space, at_bound, pla
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.reading import MAX_TAU_NM, MAX_THETA_RAD
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Recording, training_sets
 from esea_gen.identify.verdict import Verdict, judge
 from esea_gen.model.elastomer import RATE_KEYS
 
@@ -72,7 +72,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     m = source.mapping
     d = m.device
     where = origin_of(source, files_of(recordings))
-    trained = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+    trained = training_sets(recordings)
     theta = max(float(np.abs(r.theta_rad[s.training]).max()) for r, s in trained)
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
     timed = all(r.timed for r in recordings)

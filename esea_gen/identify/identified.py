@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity, Series, changed
@@ -22,7 +20,6 @@ from esea_gen.identify.recording.channels import ChannelNumber
 from esea_gen.identify.recording.mapping import MappingFile
 from esea_gen.identify.recording.recorded import Recording, recording_rows
 from esea_gen.identify.verdict import TorqueWorth, Verdict
-from esea_gen.language.ports import Array
 
 
 def _stopping(recordings: Sequence[Recording], excused: Collection[str]) -> list[str]:
@@ -80,6 +77,8 @@ def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -
     return tuple(notes)
 
 
+# Of a data set, beside its errors.
+KEPT = "label", "amplitude_rad", "asymmetry", "work_first_J", "work_last_J", "softening"
 MARK = "# Written by esea-gen identify."
 
 
@@ -97,25 +96,6 @@ class Identified:
     @property
     def full_scale_Nm(self) -> float:
         return self.device.tau_full_scale_Nm
-
-    @property
-    def series(self) -> dict[str, dict[str, Array]]:
-        """Per recording: ``time_s``, ``theta_rad``, ``tau_Nm``, ``tau_model_Nm``, ``role``."""
-        # ``role`` is 1 in training, 2 in held-out and 0 in other samples.
-        out = {}
-        for r in self.recordings:
-            role = np.zeros(len(r.time_s))
-            for s in r.sets:
-                role[s.training] = 1
-                role[s.held_out] = 2
-            out[r.label] = {
-                "time_s": r.time_s,
-                "theta_rad": r.theta_rad,
-                "tau_Nm": r.tau_Nm,
-                "tau_model_Nm": self.verdict.torque_Nm[r.label],
-                "role": role,
-            }
-        return out
 
     def to_dict(self) -> dict[str, Any]:
         q = dict(self.device.quantities())
@@ -136,16 +116,7 @@ class Identified:
 
     def errors(self, verdict: Verdict) -> dict[str, Any]:
         sets = [
-            {
-                "label": s.label,
-                "amplitude_rad": s.amplitude_rad,
-                "cycles": dict(sorted(s.cycles.items())),
-                **errors,
-                "asymmetry": s.asymmetry,
-                "work_first_J": s.work_first_J,
-                "work_last_J": s.work_last_J,
-                "softening": s.softening,
-            }
+            {k: getattr(s, k) for k in KEPT} | {"cycles": dict(sorted(s.cycles.items()))} | errors
             for s, errors in verdict.misfits.rows(self.full_scale_Nm)
         ]
         return {"sets": sets, "mean_rms": verdict.misfits.means(self.full_scale_Nm)}

@@ -44,7 +44,7 @@ from esea_gen.identify.published.search_problem import (
     runner_up,
     sobol_points,
 )
-from esea_gen.identify.recording.recorded import Misfits, Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
 from esea_gen.identify.recording.resampling import autocorrelation
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse, inverse_system
@@ -222,13 +222,8 @@ class InverseFit:
         parameters = {}
         for key, value in self.values.items():
             low, high = play_bounds(key)
-            parameters[key] = {
-                "value": value,
-                "sigma": self.sigma[key],
-                "low": low,
-                "high": high,
-                "published": PLAY_DEFAULTS[key],
-            }
+            parameters[key] = {"value": value, "sigma": self.sigma[key], "low": low, "high": high}
+            parameters[key]["published"] = PLAY_DEFAULTS[key]
         return {
             "parameters": parameters,
             "correlation": self.correlation,
@@ -239,9 +234,7 @@ class InverseFit:
             "mean_rms_published": self.published.means(full),
             "search": {
                 "fitness": "mean over data sets of the mean square deflection error (4.14)",
-                "seed": self.seed,
-                "population": self.population,
-                "evaluations": self.evaluations,
+                **{k: getattr(self, k) for k in ("seed", "population", "evaluations")},
                 "runner_up": self.runner_up if math.isfinite(self.runner_up) else None,
             },
             "notes": list(self.notes),
@@ -343,7 +336,7 @@ def _check(device: Device, recordings: Sequence[Recording]) -> None:
             "no dead zone.",
             "Use the exact inverse for this device.",
         )
-    if not any(len(s.training) for r in recordings for s in r.sets):
+    if not training_sets(recordings):
         raise UserError("No recording trains the inverse.", "Give one with training cycles.")
     limit = device.file.limits.tau_Nm.value
     for r in recordings:

@@ -172,8 +172,9 @@ def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
         )
     absolute, consistent = coefficients(table)
     largest = float(np.max(np.abs(table.mean(axis=1))))
+    others = [np.delete(table, i, axis=1).mean(axis=1) for i in range(len(names))]
     apart = {
-        n: 100 * float(np.sqrt(np.mean((table[:, i] - _others(table, i)) ** 2))) / largest
+        n: 100 * float(np.sqrt(np.mean((table[:, i] - others[i]) ** 2))) / largest
         for i, n in enumerate(names)
     }
     pairs = tuple(
@@ -181,10 +182,6 @@ def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
         for (i, a), (j, b) in combinations(enumerate(names), 2)
     )
     return Reliability(names, len(table), absolute, consistent, pairs, apart)
-
-
-def _others(table: Array, column: int) -> Array:
-    return np.asarray(np.delete(table, column, axis=1).mean(axis=1))
 
 
 def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:

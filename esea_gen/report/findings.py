@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.board.emulator import EmulatorResult, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.emulator import EmulatorResult, run_tasks_in_emulator
 from esea_gen.board.firmware import FirmwareImage, build_firmware
 from esea_gen.device import Device
 from esea_gen.emit.build import Bundle
@@ -70,6 +70,31 @@ class BoardRun:
         return lines
 
 
+def emulated(
+    device: Device,
+    board: str,
+    deflections: Mapping[str, npt.NDArray[Any]],
+    ticks: int,
+    told: Callable[[str], Callable[[int, int], None]],
+) -> tuple[FirmwareImage, dict[str, EmulatorResult]]:
+    """Build firmware and run it: with a law on a closed loop's inputs, else on deflections."""
+    system = device.system
+    results: dict[str, EmulatorResult] = {}
+    with tempfile.TemporaryDirectory(prefix="esea-") as scratch:
+        told(f"building firmware for {board}")
+        image = build_firmware(device, board, Path(scratch) / "image")
+        if device.laws:
+            told("recording the tuning case")
+            inputs = record_drive(device, ticks).inputs
+            results |= run_tasks_in_emulator(device, image, inputs, progress=told("tasks"))
+        for label, theta in deflections.items():
+            given = {t.name: deflection_inputs(system, theta, t) for t in system.tasks}
+            found = run_tasks_in_emulator(device, image, given, progress=told(label))
+            several = len(found) > 1
+            results |= {f"{label}, {t}" if several else label: r for t, r in found.items()}
+    return image, results
+
+
 def run_board(
     device: Device,
     board: str,
@@ -77,33 +102,24 @@ def run_board(
     say: Say,
     ticks: int = TICKS,
 ) -> BoardRun:
-    """Build firmware and run it: with a law on a closed loop's inputs, else on deflections."""
+    """What becomes of a device's firmware on a board."""
     known = firmware_boards()
     title = known[board].title if board in known else ""
-    image, skipped, failed = None, "", ""
-    results: dict[str, EmulatorResult] = {}
 
     def told(what: str) -> Callable[[int, int], None]:
+        say(what)
         return lambda done, steps: say(f"emulating {what}: {100 * done // steps} %")
 
     try:
-        with tempfile.TemporaryDirectory(prefix="esea-report-") as scratch:
-            say(f"building firmware for {board}")
-            image = build_firmware(device, board, Path(scratch))
-            if device.laws:
-                inputs = record_drive(device, ticks).inputs
-                results |= run_tasks_in_emulator(device, image, inputs, progress=told("tasks"))
-            for label, theta in deflections.items():
-                given = deflection_inputs(device.system, theta)
-                results[label] = run_in_emulator(device, image, given, progress=told(label))
+        image, results = emulated(device, board, deflections, ticks, told)
+        return BoardRun(board, title, image, results)
     except UserError as error:
         if board not in known or os.environ.get("ESEA_REQUIRE_TOOLS") == "1":
             raise
-        skipped = str(error)
+        return BoardRun(board, title, skipped=str(error))
     except RuntimeError as error:
         # A board that does not build or answer is a finding: the page says so and fails.
-        failed = str(error)
-    return BoardRun(board, title, image, results, skipped, failed)
+        return BoardRun(board, title, failed=str(error))
 
 
 Array = npt.NDArray[Any]

@@ -162,41 +162,14 @@ def continuous_torque(device: Device, motion: EncodedMotion) -> Array:
     return out
 
 
-@dataclass(frozen=True)
-class SchemeRow:
-    scheme: str
-    largest_pct: dict[float, float]
-    rms_pct: dict[float, float]
-    stable: bool
-    monotone: bool
-
-
-@dataclass(frozen=True)
-class RateRow:
-    source: str
-    rms_pct: dict[int, float]
-    largest_pct: dict[int, float]
+Errors = dict[str, dict[str, Any]]  # in % of full scale, RMS and largest by rate or bits
 
 
 @dataclass(frozen=True)
 class Discretisation:
     device: str
-    ideal: list[SchemeRow]
-    real: list[RateRow]
-
-    def to_dict(self) -> dict[str, Any]:
-        def named(rows: list[Any], key: str) -> dict[str, Any]:
-            return {
-                getattr(r, key): {
-                    k: {f"{x:g}": y for x, y in v.items()} if isinstance(v, dict) else v
-                    for k, v in vars(r).items()
-                    if k != key
-                }
-                for r in rows
-            }
-
-        tables = {"ideal": named(self.ideal, "scheme"), "real": named(self.real, "source")}
-        return {"device": self.device} | tables
+    ideal: Errors  # by scheme, with whether it is stable and monotone
+    real: Errors  # by what feeds the viscosity
 
     def table(self) -> list[str]:
         yes = {True: "yes", False: "no"}
@@ -205,24 +178,27 @@ class Discretisation:
             "Ideal encoders: error of the rate torque in % of full scale, RMS / max",
             f"{'':30}{heads}{'stable':>8}{'monotone':>10}",
         ]
-        for s in self.ideal:
-            pairs = [f"{s.rms_pct[r]:.2g} / {s.largest_pct[r]:.2g}" for r in RATES_HZ]
-            cells = "".join(f"{p:>22}" for p in pairs)
-            lines.append(f"{s.scheme:30}{cells}{yes[s.stable]:>8}{yes[s.monotone]:>10}")
+        for scheme, s in self.ideal.items():
+            pairs = zip(s["rms_pct"].values(), s["largest_pct"].values(), strict=True)
+            cells = "".join(f"{f'{a:.2g} / {b:.2g}':>22}" for a, b in pairs)
+            lines.append(f"{scheme:30}{cells}{yes[s['stable']]:>8}{yes[s['monotone']]:>10}")
         lines += [
             "",
             "Real encoders, 1 kHz, moving load side: the same, by what feeds the viscosity",
             f"{'':46}" + "".join(f"{f'{b} bit':>18}" for b in BITS),
         ]
-        for q in self.real:
-            pairs = [f"{q.rms_pct[b]:.3g} / {q.largest_pct[b]:.2g}" for b in BITS]
-            lines.append(f"{q.source:46}" + "".join(f"{p:>18}" for p in pairs))
+        for source, q in self.real.items():
+            pairs = zip(q["rms_pct"].values(), q["largest_pct"].values(), strict=True)
+            cells = "".join(f"{f'{a:.3g} / {b:.2g}':>18}" for a, b in pairs)
+            lines.append(f"{source:46}{cells}")
         return lines
 
     def figure(self) -> Figure:
         dots = {"marker": "o"}
-        ideal = [(RATES_HZ, [s.rms_pct[r] for r in RATES_HZ], s.scheme, dots) for s in self.ideal]
-        real = [(BITS, [q.rms_pct[b] for b in BITS], q.source, dots) for q in self.real]
+        ideal, real = (
+            [(x, list(row["rms_pct"].values()), name, dots) for name, row in rows.items()]
+            for x, rows in ((RATES_HZ, self.ideal), (BITS, self.real))
+        )
         error, logs = "RMS error of the rate torque / % of full scale", {"yscale": "log"}
         rows = [
             Panel(ideal, "rate / Hz, ideal encoders", error, logs | {"xscale": "log"}),
@@ -238,13 +214,11 @@ def _growth(scheme: str) -> tuple[bool, bool]:
     return bool(np.all(np.abs(d) <= 1)), bool(np.all(d >= 0) and np.all(w > 0))
 
 
-def _ideal(
-    device: Device, exact: dict[EncodedMotion, Array], say: Callable[[str], None]
-) -> list[SchemeRow]:
+def _ideal(device: Device, exact: dict[EncodedMotion, Array], say: Callable[[str], None]) -> Errors:
     full = device.tau_full_scale_Nm
-    rows = []
+    rows = {}
     for scheme in SCHEMES:
-        largest, rms = dict.fromkeys(RATES_HZ, 0.0), dict.fromkeys(RATES_HZ, 0.0)
+        largest, rms = ({f"{rate:g}": 0.0 for rate in RATES_HZ} for _ in range(2))
         for rate in RATES_HZ:
             say(f"ideal encoders, {scheme}, {rate:g} Hz")
             coarse = with_numbers(device, {SENSE_RATE: rate})
@@ -260,13 +234,20 @@ def _ideal(
                 y, _ = runner.run({"theta_rad": motion.theta(t), "omega_rad_s": omega}, trace=False)
                 error = y["tau_rate_Nm"] - fine[:: round(REFINE_HZ / rate)][: len(t)]
                 error = 100 * error / full
-                largest[rate] = max(largest[rate], float(np.max(np.abs(error))))
-                rms[rate] = max(rms[rate], float(np.sqrt(np.mean(error**2))))
-        rows.append(SchemeRow(scheme, largest, rms, *_growth(scheme)))
+                key = f"{rate:g}"
+                largest[key] = max(largest[key], float(np.max(np.abs(error))))
+                rms[key] = max(rms[key], float(np.sqrt(np.mean(error**2))))
+        stable, monotone = _growth(scheme)
+        rows[scheme] = {
+            "largest_pct": largest,
+            "rms_pct": rms,
+            "stable": stable,
+            "monotone": monotone,
+        }
     return rows
 
 
-def _real(device: Device, motion: EncodedMotion, fine: Array) -> list[RateRow]:
+def _real(device: Device, motion: EncodedMotion, fine: Array) -> Errors:
     from scipy.signal import butter, sosfilt
 
     rate_Hz = 1.0 / device.period_s
@@ -276,15 +257,15 @@ def _real(device: Device, motion: EncodedMotion, fine: Array) -> list[RateRow]:
     library = compile_device(device, "f64")
     sensor, velocity = library.block("sensor"), library.block("velocity")
     low_pass = butter(2, 60, fs=rate_Hz, output="sos")
-    out: dict[str, RateRow] = {}
+    out: Errors = {}
 
     def add(source: str, bits: int, theta: Array, omega: Array) -> None:
         sensor.reset()
         y, _ = sensor.run({"theta_rad": theta, "omega_rad_s": omega}, trace=False)
         error = 100 * (y["tau_rate_Nm"] - true) / device.tau_full_scale_Nm
-        row = out.setdefault(source, RateRow(source, {}, {}))
-        row.rms_pct[bits] = float(np.sqrt(np.mean(error**2)))
-        row.largest_pct[bits] = float(np.max(np.abs(error)))
+        row = out.setdefault(source, {"rms_pct": {}, "largest_pct": {}})
+        row["rms_pct"][str(bits)] = float(np.sqrt(np.mean(error**2)))
+        row["largest_pct"][str(bits)] = float(np.max(np.abs(error)))
 
     for bits in BITS:
         count = 2 * np.pi / 2**bits
@@ -302,7 +283,7 @@ def _real(device: Device, motion: EncodedMotion, fine: Array) -> list[RateRow]:
             mark = " (the device's)" if chosen else ""
             source = f"observer, {bandwidth:g} Hz{mark}"
             add(source, bits, theta, rates["omega_mid_rad_s"])
-    return list(out.values())
+    return out
 
 
 def discretisation(progress: Callable[[str], None] | None = None) -> Discretisation:

@@ -19,7 +19,8 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.off import off_families
 
 SWINGING_NM = 0.15  # RMS of the true error above 4 Hz from which a run counts as swinging
-ENDINGS = ("unstable", "swinging", "tripped", "fault", "failed")
+ENDINGS = {k: k for k in ("unstable", "swinging", "tripped")}
+ENDINGS |= {"fault": "latched", "failed": "failed"}
 MEDIANS = ("rms_true_Nm", "rms_above_4Hz_Nm")
 
 
@@ -97,7 +98,7 @@ class OffTable:
         for row in self.rows():
             cells = [row["rms_true_Nm"], row["rms_true_Nm_worst"], row["rms_above_4Hz_Nm"]]
             numbers = [math.nan if c is None else c for c in cells]
-            ends = [f"{row[k]} {_said(k)}" for k in ENDINGS if row[k]]
+            ends = [f"{row[k]} {text}" for k, text in ENDINGS.items() if row[k]]
             lines.append(
                 f"{row['off']:18}{row['controller']:14}"
                 + "".join(f"{x:>{w}.4f}" for x, w in zip(numbers, (10, 9, 12), strict=True))
@@ -109,10 +110,6 @@ class OffTable:
 
     def figure(self) -> Figure:
         return _drawn(self.rows())
-
-
-def _said(ending: str) -> str:
-    return {"fault": "latched"}.get(ending, ending)
 
 
 @styled

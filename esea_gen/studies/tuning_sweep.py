@@ -21,6 +21,7 @@ from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.plots import cell_edges, frequency_axis, new_figure, styled
 from esea_gen.device import Device
+from esea_gen.devices.numbers import Quantity, toml_entry
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain
@@ -275,9 +276,8 @@ class Tuning:
             if s.chosen is None or s.parameter not in HOMES:
                 continue
             section, key = HOMES[s.parameter]
-            by_section.setdefault(section, []).append(
-                f'{key} = {{ value = {s.chosen.value!r}, status = "assumed", source = "{source}" }}'
-            )
+            number = Quantity(value=s.chosen.value, status="assumed", source=source)
+            by_section.setdefault(section, []).append(toml_entry(key, number))
         return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
 
     def table(self) -> list[str]:

@@ -12,12 +12,17 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.tables.form import (
+from esea_gen.tables.table import (
+    COMMA,
+    GROUPED,
+    NOT_FINITE,
+    POINT,
+    FileTable,
     TableFormat,
     check_unique,
     listed,
@@ -26,7 +31,6 @@ from esea_gen.tables.form import (
     remedy,
     shortened,
 )
-from esea_gen.tables.table import COMMA, GROUPED, NOT_FINITE, POINT, FileTable
 
 MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
     codecs.BOM_UTF32_LE: "utf-32",
@@ -140,7 +144,7 @@ class TextReader:
                 + ("header" if given else "first data line")
             )
         if given == 0:
-            return 0, row, first, _before((line, row), rows) if line else rows
+            return 0, row, first, chain([(line, row)], rows) if line else rows
         if not line or (given and line != given):
             raise UserError(
                 f"{self.name}: has no line {given or 1} with column names.",
@@ -310,13 +314,6 @@ class TextReader:
             return "."
         clear = any(not GROUPED.fullmatch(c) or c.lstrip("+-").startswith("0") for c in commas)
         return "," if clear else None
-
-
-def _before(
-    first: tuple[int, list[str]], rest: Iterator[tuple[int, list[str]]]
-) -> Iterator[tuple[int, list[str]]]:
-    yield first
-    yield from rest
 
 
 def _broken_quote(raw: str, delimiter: str, quote: str) -> tuple[int, bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -129,14 +130,6 @@ class Coverage:
         }
 
 
-def _users(kernel: Kernel) -> dict[int, list[int]]:
-    users: dict[int, list[int]] = {}
-    for i, n in enumerate(kernel.nodes):
-        for a in n.args:
-            users.setdefault(a, []).append(i)
-    return users
-
-
 def _where(
     final: Mapping[int, str],
     users: Mapping[int, Sequence[int]],
@@ -167,7 +160,10 @@ def branch_coverage(
     kernel, names = emitted_kernel(block, fmt)
     ports = (*block.state, *block.outputs)
     final = {i: p.name for p, r in zip(ports, kernel.results, strict=True) for i in r}
-    users = _users(kernel)
+    users: dict[int, list[int]] = defaultdict(list)
+    for i, n in enumerate(kernel.nodes):
+        for a in n.args:
+            users[a].append(i)
     decisions = [
         Decision(i, n.op, _where(final, users, names, i), dict.fromkeys(SIDES[n.op], 0))
         for i, n in enumerate(kernel.nodes)

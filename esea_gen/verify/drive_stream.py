@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
 from esea_gen.language.ports import Array
-from esea_gen.language.system import External
+from esea_gen.language.system import External, System
 from esea_gen.model.drive import NominalDrive
 
 # From here on the drive stands where it was, and the joint is put where the deflection wants it.
@@ -28,14 +28,32 @@ def scalars(externals: Iterable[External]) -> list[tuple[str, External, int]]:
     ]
 
 
-Told = Callable[[int, str, Mapping[str, Any]], None]
-"""Takes a run of a task: the tick, the task's name, its outputs."""
+TaskRun = tuple[int, str, Mapping[str, Any]]
+"""Its tick, the task, its outputs."""
 
 
-def drive_stream(
-    device: Device, deflection_rad: Array, told: Told | None = None
-) -> dict[str, Array]:
-    """Every external input of a drive, a row a tick."""
+def play(
+    system: System, stream: Mapping[str, Array], before: Callable[[int], None] = lambda k: None
+) -> Iterator[TaskRun]:
+    """Run a symbolic System over a stream; ``before`` a tick what it measures may be put there."""
+    simulator = system.simulator()
+    inputs = {t.name: system.task_inputs(t) for t in system.tasks}
+    for k in range(len(next(iter(stream.values())))):
+        before(k)
+        simulator.release(k)
+        for task in system.tasks:
+            if k >= task.phase and (k - task.phase) % task.every == 0:
+                given = {
+                    x.name: stream[x.name][k]
+                    if x.port.size == 1
+                    else np.array([stream[f"{x.name}[{i}]"][k] for i in range(x.port.size)])
+                    for x in inputs[task.name]
+                }
+                yield k, task.name, simulator.step(task.name, **given)
+
+
+def drive_stream(device: Device, deflection_rad: Array) -> tuple[dict[str, Array], list[TaskRun]]:
+    """Every external input of a drive, a row a tick; and what its tasks made of them."""
     system, a = device.system, device.file.actuator
     assert a is not None
     rate_Hz = 1.0 / system.base_period_s
@@ -49,17 +67,15 @@ def drive_stream(
     }
     numbers = {c.name: c.value for c in device.constants("actuator")}
     drive = NominalDrive(numbers, system.base_period_s, float(load[0]))
-    simulator = system.simulator()
-    inputs = {t.name: system.task_inputs(t) for t in system.tasks}
     command, torque = (
         next(x.name for x in system.outputs if _without_axis(x.name, device.axes) == name)
         for name in ("u_Nm", "tau_Nm")
     )
     counts = {n: _without_axis(n, device.axes) for n in stream if n.startswith("count_")}
     stream |= {n: np.zeros(len(time_s)) for n in counts}
-    for k, t in enumerate(time_s):
-        held = t >= LET_GO_S
-        side = drive.theta_rad
+
+    def measure(k: int) -> None:
+        side, held = drive.theta_rad, time_s[k] >= LET_GO_S
         angles = {
             "count_motor": (side, 1.0, full),
             "count_load": (side - deflection_rad[k] if held else load[k], 1.0, full),
@@ -67,28 +83,13 @@ def drive_stream(
         }
         for name, kind in counts.items():
             stream[name][k] = _count(*angles[kind])
-        simulator.release(k)
-        for task in system.tasks:
-            if k < task.phase or (k - task.phase) % task.every:
-                continue
-            out = simulator.step(task.name, **task_inputs_at(stream, inputs[task.name], k))
-            if told is not None:
-                told(k, task.name, out)
-            if command in out and not held:
-                drive.move(float(out[command]), float(out[torque]))
-    return stream
 
-
-def task_inputs_at(
-    stream: Mapping[str, Array], inputs: Iterable[External], k: int
-) -> dict[str, Array]:
-    """What a task is given at a tick."""
-    return {
-        x.name: stream[x.name][k]
-        if x.port.size == 1
-        else np.array([stream[f"{x.name}[{i}]"][k] for i in range(x.port.size)])
-        for x in inputs
-    }
+    runs = []
+    for k, task, out in play(system, stream, measure):
+        runs.append((k, task, out))
+        if command in out and time_s[k] < LET_GO_S:
+            drive.move(float(out[command]), float(out[torque]))
+    return stream, runs
 
 
 def _count(angle_rad: float, turns: float, full: float) -> float:

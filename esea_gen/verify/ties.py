@@ -76,7 +76,8 @@ def _aimed(aim: _Aim, tried: Sequence[Stream], seed: int, trials: int) -> list[S
         # Rounded before, so that the tie is one of the numbers that the stream holds.
         start = [single(p[rows]) for p in pool]
         aims = np.resize(rng.permutation(wanted), count)
-        moved = [_pick(rng, cones, aim.kernel.nodes[i].args) for i in aims]
+        found = (frozenset().union(*(cones[a] for a in aim.kernel.nodes[i].args)) for i in aims)
+        moved = [sorted(x)[int(rng.integers(len(x)))] for x in found]
         search = _Search(aim, start, aims, moved, rng)
         ties = search.ties()
         shown = ties & search.shows()
@@ -294,13 +295,6 @@ def _cones(kernel: Kernel, first: int) -> list[frozenset[tuple[int, int]]]:
             moving = n.args[1:] if n.op in ("if_else_zero", "select") else n.args
             out.append(frozenset().union(*(out[a] for a in moving)))
     return out
-
-
-def _pick(
-    rng: np.random.Generator, cones: list[frozenset[tuple[int, int]]], args: tuple[int, ...]
-) -> tuple[int, int]:
-    elements = sorted(frozenset().union(*(cones[a] for a in args)))
-    return elements[int(rng.integers(len(elements)))]
 
 
 def _steps(aim: _Aim, rows: list[list[Array]]) -> list[Stream]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,11 @@ import numpy as np
 from esea_gen.device import Device, load_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
+from esea_gen.files import write_whole
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External
 from esea_gen.tables import TableFormat, read_table
-from esea_gen.verify.drive_stream import Told, drive_stream, scalars, task_inputs_at
+from esea_gen.verify.drive_stream import TaskRun, drive_stream, play, scalars
 
 MARK = "# esea-gen trace"
 EVERY = 20  # steps a row
@@ -80,46 +81,31 @@ def _number(value: float, whole: bool) -> str:
     return str(int(value)) if whole else f"{value + 0.0:.{DIGITS}g}"  # + 0.0: no negative zero
 
 
-def trace_stream(device: Device, told: Told | None = None) -> dict[str, Array]:
-    """The fixed stream of a device: the parts of ``PARTS``, one after the other."""
+def trace_stream(device: Device) -> tuple[dict[str, Array], list[TaskRun]]:
+    """The fixed stream of a device, the parts of ``PARTS`` in turn; and what its tasks answer."""
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
     if device.laws:
         high = device.file.limits.theta_rad.value
         reach = 0.95 * domain.theta_max_rad.value
-        counts = {part.name: max(1, round(part.duration_s * rate_Hz)) for part in PARTS}
-        pieces = [
-            _piece(part, np.arange(n) / n, reach, high, top_Hz, 0)
-            for part, n in zip(PARTS, counts.values(), strict=True)
-        ]
-        return drive_stream(device, np.concatenate(pieces), told)
+        return drive_stream(device, _pieces(rate_Hz, reach, high, top_Hz, 0))
     stream = {}
     for n, (name, external, _) in enumerate(scalars(system.inputs)):
         high = min(external.port.high, -external.port.low)
         angle = external.port.unit == "rad"
         reach = min(0.95 * domain.theta_max_rad.value, high) if angle else 0.55 * high
-        pieces = []
-        for part in PARTS:
-            count = max(1, round(part.duration_s * rate_Hz))
-            s = np.arange(count) / count  # share of the part that is over
-            pieces.append(_piece(part, s, reach, high, top_Hz, n))
         grid = 2.0 ** (math.frexp(high)[1] - LATTICE_BITS)
-        stream[name] = np.round(np.concatenate(pieces) / grid) * grid
-    if told is not None:
-        _run(device, stream, told)
-    return stream
+        stream[name] = np.round(_pieces(rate_Hz, reach, high, top_Hz, n) / grid) * grid
+    return stream, list(play(system, stream))
 
 
-def _run(device: Device, stream: dict[str, Array], told: Told) -> None:
-    system, simulator = device.system, device.system.simulator()
-    inputs = {t.name: system.task_inputs(t) for t in system.tasks}
-    for k in range(len(next(iter(stream.values())))):
-        simulator.release(k)
-        for task in system.tasks:
-            if k >= task.phase and (k - task.phase) % task.every == 0:
-                given = task_inputs_at(stream, inputs[task.name], k)
-                told(k, task.name, simulator.step(task.name, **given))
+def _pieces(rate_Hz: float, reach: float, high: float, top_Hz: float, n: int) -> Array:
+    counts = [max(1, round(part.duration_s * rate_Hz)) for part in PARTS]
+    # Of each part, the share of it that is over.
+    shares = [np.arange(count) / count for count in counts]
+    pairs = zip(PARTS, shares, strict=True)
+    return np.concatenate([_piece(part, s, reach, high, top_Hz, n) for part, s in pairs])
 
 
 def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, n: int) -> Array:
@@ -151,26 +137,14 @@ def run_trace(device: Device) -> Trace:
     system = device.system
     columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
-    outputs = {
-        t.name: [
-            (n, x.name, i if x.port.size > 1 else None)
-            for n, x, i in scalars(system.task_outputs(t))
-        ]
-        for t in system.tasks
-    }
-    runs: list[tuple[int, dict[str, float]]] = []
-
-    def told(k: int, task: str, made: Mapping[str, Any]) -> None:
-        runs.append(
-            (k, {n: made[name] if i is None else made[name][i] for n, name, i in outputs[task]})
-        )
-
-    stream = trace_stream(device, told)
+    stream, runs = trace_stream(device)
     rows: Any = np.arange(EVERY - 1, len(next(iter(stream.values()))), EVERY)
     kept = {n: np.zeros(len(rows), int if n in flags else float) for n, _, _ in columns}
-    for k, made in runs:
+    made_by = {t.name: scalars(system.task_outputs(t)) for t in system.tasks}
+    for k, task, made in runs:
         row = k // EVERY
-        for name, value in made.items():
+        for name, x, i in made_by[task]:
+            value = made[x.name] if x.port.size == 1 else made[x.name][i]
             if name in flags:  # all that was told since the row before
                 kept[name][row : row + 1] |= int(value)
             else:
@@ -274,47 +248,34 @@ def _devices(devices: Mapping[str, Device] | None) -> dict[str, Device]:
     return {name: load_device(name) for name in sorted(shipped_devices())}
 
 
-def _orphans(folder: Path, devices: Mapping[str, Device]) -> list[Path]:
-    return [
-        p
-        for p in sorted(folder.glob("*.csv"))
-        if p.stem not in devices and p.read_text(encoding="utf-8").startswith(MARK)
-    ]
+def _compared(
+    folder: Path, devices: Mapping[str, Device] | None
+) -> Iterator[tuple[Path, Trace | None, list[str]]]:
+    # Per file: what it should hold, None for nothing, and what differs.
+    chosen = _devices(devices)
+    for name, device in chosen.items():
+        path, trace = folder / f"{name}.csv", run_trace(device)
+        found = [f"{name}: no trace is stored yet"]
+        if path.is_file():
+            found = differences(trace, path.read_text(encoding="utf-8"))
+        yield path, trace, found
+    for path in sorted(folder.glob("*.csv")) if devices is None else ():
+        if path.stem not in chosen and path.read_text(encoding="utf-8").startswith(MARK):
+            yield path, None, [f"{path.stem}: a trace is stored, but there is no such device"]
 
 
 def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
     """Compare every System with its stored trace."""
-    chosen = _devices(devices)
-    found = []
-    for name, device in chosen.items():
-        path = folder / f"{name}.csv"
-        if path.is_file():
-            found += differences(run_trace(device), path.read_text(encoding="utf-8"))
-        else:
-            found.append(f"{name}: no trace is stored yet")
-    orphans = _orphans(folder, chosen) if devices is None else []
-    return found + [f"{p.stem}: a trace is stored, but there is no such device" for p in orphans]
+    return [line for _, _, lines in _compared(folder, devices) for line in lines]
 
 
 def accept_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
     """Store the present behaviour where it differs from the stored one."""
-    chosen = _devices(devices)
     found = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, device in chosen.items():
-            path, trace = folder / f"{name}.csv", run_trace(device)
-            lines = [f"{name}: no trace is stored yet"]
-            if path.is_file():
-                lines = differences(trace, path.read_text(encoding="utf-8"))
-            if lines:
-                path.write_text(trace.text(), encoding="utf-8", newline="\n")
-            found += lines
-        for path in _orphans(folder, chosen) if devices is None else []:
+    for path, trace, lines in _compared(folder, devices):
+        if trace is None:
             path.unlink()
-            found.append(f"{path.stem}: a trace is stored, but there is no such device")
-    except OSError as error:
-        raise UserError(
-            f"{folder}: cannot be written ({error.strerror or error}).", "Give another folder."
-        ) from error
+        elif lines:
+            write_whole(path, trace.text())
+        found += lines
     return found

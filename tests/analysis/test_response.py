@@ -13,15 +13,6 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
-from esea_gen.analysis.plots import (
-    bode,
-    crossed,
-    impedance_panels,
-    rms_by_case,
-    save,
-    torque_cases,
-    torque_tracking,
-)
 from esea_gen.analysis.response import resample
 from esea_gen.analysis.step import step_metrics
 from esea_gen.analysis.sweeps import (
@@ -346,59 +337,3 @@ def test_check_on_data_judges_a_folder(tmp_path, swept):
         check_on_data(tmp_path)
     with pytest.raises(UserError, match="0 sweeps"):
         check_on_data(tmp_path / "none")
-
-
-# -- figures --------------------------------------------------------------------------------------
-
-
-def legend(figure) -> list[str]:
-    boxes = [*figure.legends, *(a.get_legend() for a in figure.axes if a.get_legend())]
-    return [t.get_text() for box in boxes for t in box.get_texts()]
-
-
-def test_figures_say_what_the_numbers_are(tmp_path, swept):
-    t = np.arange(5000) * H
-    desired = 1.7 * np.sin(2 * np.pi * 0.6 * t)
-    curves = t, desired, desired + 0.25, desired - 0.5
-    figure = torque_tracking(*curves, title="case")
-    assert {"true: RMS 0.25 N·m", "modelled: RMS 0.5 N·m"} <= set(legend(figure))
-    for ending in ("png", "SVG"):
-        save(figure, tmp_path / f"x.{ending}")
-        assert (tmp_path / f"x.{ending}").stat().st_size > 5000
-    with pytest.raises(UserError, match="cannot be written"):
-        save(figure, tmp_path / "x.png" / "y.png")
-    with pytest.raises(UserError, match=r"x.abc: cannot be drawn .*Format 'abc'"):
-        save(figure, tmp_path / "x.abc")
-    panels = torque_cases([("a", *curves), ("b", *curves)], title="smc")
-    assert [a.get_title(loc="left") or a.get_title() for a in panels.axes] == [
-        f"smc: {name}: RMS of the true error shown 0.25 N·m" for name in "ab"
-    ]
-    bars = rms_by_case(["a", "b"], "MPC", np.array([0.1, np.nan]), np.array([0.3, 0.4]))
-    heights = sorted(p.get_height() for c in bars.axes[0].containers for p in c)
-    assert heights == pytest.approx([0.1, 0.3, 0.4])
-    assert legend(bars) == ["MPC, thesis", "MPC, ours"]
-    r = sweep_response(*swept)
-    # What the drop is from: the dot stands that far below it, not below 0 dB.
-    for gain, says in ((1.05, "+0.42 dB"), (0.5, "−6.02 dB")):
-        scaled = dataclasses.replace(r, response=gain * r.response / r.response[0])
-        figure = bode([("x", scaled, scaled.bandwidth())])
-        (label,) = [t for t in legend(figure) if "from the" in t]
-        assert label.endswith(f"\ngain at {r.frequency_Hz[0]:.3g} Hz, {says}")
-        (dot,) = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
-        assert dot.get_ydata()[0] == pytest.approx(20 * math.log10(gain / math.sqrt(2)))
-    assert legend(impedance_panels("x", OutputImpedance.of(r))) == ["x"]
-
-
-def test_cases_that_ended_badly_are_crossed_wherever_they_stand():
-    figure = rms_by_case(["a", "b\nlong"], "mpc", np.array([1.0, 2.0]))
-    figure.axes[0].set_title("smc: a: 3", loc="left")
-    figure.axes[0].set_title("ab", loc="center")
-    assert crossed(figure, {}) is figure
-    assert figure.get_supxlabel() == ""
-    done = crossed(figure, {"a": "tripped", "long": "failed"})
-    (axes,) = done.axes
-    assert [t.get_text() for t in axes.get_xticklabels()] == ["✗ a", "✗ b\nlong"]
-    assert (axes.get_title("left"), axes.get_title("center")) == ("✗ smc: a: 3", "ab")
-    assert done.get_supxlabel() == "✗ a: tripped\n✗ long: failed"
-    many = crossed(figure, {str(k): "off" for k in range(9)}).get_supxlabel()
-    assert many.endswith("\nand 3 more cases")

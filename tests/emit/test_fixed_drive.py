@@ -125,7 +125,7 @@ def test_a_wrong_decision_is_not_explained_by_rounding(drive, library):
 
 def test_the_whole_system_in_q31(drive, library):
     """Eight seconds of the trace stream through both tasks: C in q31 against C in f64."""
-    system, stream = drive.system, trace_stream(drive)
+    system, (stream, _) = drive.system, trace_stream(drive)
     length = len(next(iter(stream.values())))
     inputs = {}
     for task in system.tasks:

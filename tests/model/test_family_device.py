@@ -200,10 +200,9 @@ def test_a_recorded_member_becomes_a_device_file(hdrb, tmp_path):
     assert held_out == pytest.approx(1.37, abs=0.02)
     assert hdrb.to_dict()["model"]["terms"][0]["term"] == "spring of x"
     # Its own torque, worked out from the weights and the unit terms, at the recording's samples.
-    series = hdrb.series["hdrb"]
-    error = series["tau_model_Nm"] - series["tau_Nm"]
-    last = series["role"] == 2
-    assert 100 * np.sqrt(np.mean(error[last] ** 2)) / hdrb.full_scale_Nm < 1.7
+    (recording,) = hdrb.recordings
+    error = (hdrb.verdict.torque_Nm["hdrb"] - recording.tau_Nm)[recording.sets[0].held_out]
+    assert 100 * np.sqrt(np.mean(error**2)) / hdrb.full_scale_Nm < 1.7
     theta = 0.15 * np.sin(np.linspace(0, 20, 3000))
     sensors = [
         compile_device(device, real).block("sensor").run(

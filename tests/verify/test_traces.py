@@ -56,14 +56,14 @@ def checked(name: str) -> tuple[list[str], dict[str, np.ndarray]]:
     """What differs of a device, and the stream that it was run over."""
     streams = []
 
-    def kept(device, told=None):
-        streams.append(trace_stream(device, told))
+    def kept(device):
+        streams.append(trace_stream(device))
         return streams[-1]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("esea_gen.verify.traces.trace_stream", kept)
         found = check_traces(TRACES, {name: load_device(name)})
-    (stream,) = streams
+    ((stream, _),) = streams
     return found, stream
 
 
@@ -74,7 +74,7 @@ def test_every_shipped_device_behaves_as_accepted(name):
 
 
 def test_the_stream_tries_what_it_says(elbow, trace):
-    stream = trace_stream(elbow)["theta_rad"]
+    stream = trace_stream(elbow)[0]["theta_rad"]
     steps = sum(round(p.duration_s / elbow.period_s) for p in PARTS)
     assert len(stream) == steps
     usual = stream[np.isfinite(stream)]

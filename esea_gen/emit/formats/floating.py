@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -53,14 +54,18 @@ class FloatingFormat(Format):
             raise UnsupportedOperationError(f"constant {value} cannot be emitted")
         return self._literal(value)
 
+    @cached_property
+    def _numbers(self) -> dict[str, str]:
+        # That patterns of operations name.
+        return {"zero": self.literal(0.0), "one": self.literal(1.0), "two": self.literal(2.0)}
+
     def naming(self, system: System) -> Naming:
         return Naming(system, self.c_type, self.dtype)
 
     def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
         _, pattern = OPERATIONS[node.op]
         if pattern:
-            numbers = {"zero": 0.0, "one": 1.0, "two": 2.0}
-            return pattern.format(*args, **{n: self.literal(v) for n, v in numbers.items()})
+            return pattern.format(*args, **self._numbers)
         call = self._call(node, args, kernel)
         if call is None:
             raise UnsupportedOperationError(

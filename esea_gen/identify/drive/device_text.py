@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import shipped_devices
-from esea_gen.devices.numbers import Quantity
+from esea_gen.devices.numbers import Quantity, toml_entry
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import CONFIDENCE, Estimate
 
@@ -61,14 +61,8 @@ def actuator_text(base: Device, updated: Device, head: Sequence[str]) -> str:
             "",
             "[actuator]",
         ]
-        for key in type(file.actuator).model_fields:
-            q = getattr(file.actuator, key)
-            if q == getattr(before, key):
-                continue
-            lines.append(
-                f'{key} = {{ value = {q.value!r}, status = "{q.status}", '
-                f"source = {json.dumps(q.source, ensure_ascii=False)} }}"
-            )
+        every = ((k, getattr(file.actuator, k)) for k in type(file.actuator).model_fields)
+        lines += [toml_entry(k, q) for k, q in every if q != getattr(before, k)]
         text = "\n".join([*head, *lines]) + "\n"
     else:
         text = "\n".join(head) + "\n" + updated.toml()

@@ -69,16 +69,11 @@ class EncoderTable:
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "side": self.side,
-            "direction": self.direction,
-            "zero_rad": self.zero_rad,
+        same = ("side", "direction", "zero_rad", "before_rad", "after_rad", "samples")
+        return {k: getattr(self, k) for k in same} | {
             "correction_rad": self.filled(),
             "nodes": [None if v is None else v.to_dict("rad") for v in self.values],
             "play": None if self.play_rad is None else self.play_rad.to_dict("rad"),
-            "before_rad": self.before_rad,
-            "after_rad": self.after_rad,
-            "samples": self.samples,
         }
 
 
@@ -133,7 +128,7 @@ def _fitted(side: str, direction: int, raw: Array, reference: Array, nodes: int)
     for k, v in zip(seen, values, strict=True):
         at[k] = Estimate(v.value - mean, v.low - mean, v.high - mean)
     before = float(np.std(error))
-    size = None if play is None else Estimate(abs(play.value), *_turned(play))
+    size = None if play is None else play.times(math.copysign(1.0, play.value))
     # reference = direction (raw + table) - zero
     zero = float(np.angle(np.exp(-1j * direction * (middle + mean))))
     return EncoderTable(side, direction, tuple(at), zero, size, before, fit.rms, len(raw))
@@ -149,13 +144,10 @@ def _bent(values: list[Estimate]) -> list[Estimate]:
     ]
 
 
-def _turned(e: Estimate) -> tuple[float, float]:
-    return (e.low, e.high) if e.value >= 0 else (-e.high, -e.low)
-
-
 def with_table(device: Device, found: EncoderTable, orientation_rad: float, source: str) -> Device:
     own = getattr(device.file.encoder, found.side) or EncoderSide()
-    text = f"{source}; 95 % intervals of up to {_widest(found):.2g} rad either way"
+    widest = max(v.half for v in found.values if v is not None)
+    text = f"{source}; 95 % intervals of up to {widest:.2g} rad either way"
     at = Quantity(value=orientation_rad, status="identified", source=source)
     most = field_facts(f"encoder.{found.side}.correction_rad")["high"]
     if max(map(abs, found.filled())) > most:
@@ -174,7 +166,3 @@ def with_table(device: Device, found: EncoderTable, orientation_rad: float, sour
     )
     encoder = device.file.encoder.model_copy(update={found.side: side})
     return Device(device.file.model_copy(update={"encoder": encoder}), device.origin)
-
-
-def _widest(found: EncoderTable) -> float:
-    return max(v.half for v in found.values if v is not None)

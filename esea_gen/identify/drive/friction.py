@@ -78,7 +78,7 @@ class Friction:
             "stribeck_Nm": (self.fs_Nm, ratio),
             "stribeck_rad_s": (self.vs_rad_s, 1 / ratio),
         }
-        return {k: _times(e, by) for k, (e, by) in found.items() if e is not None}
+        return {k: e.times(by) for k, (e, by) in found.items() if e is not None}
 
     def table(self) -> list[str]:
         lines = [
@@ -124,21 +124,16 @@ TEXTS = {
 }
 
 
-def _times(e: Estimate, by: float) -> Estimate:
-    return Estimate(by * e.value, by * e.low, by * e.high)
-
-
 def read_run(path: Path, full_Nm: float | None) -> SteadyRun:
     """A run from an export of EPOS Studio, or a CSV with columns omega_rad_s and tau_Nm."""
-    table, omega, tau = _epos(path, full_Nm) if _is_epos(path) else _plain(path)
+    if _is_epos(path):
+        table, omega, tau = _epos(path, full_Nm)
+    else:
+        table = read_table(path, ("omega_rad_s", "tau_Nm"))
+        omega, tau = table.numbers("omega_rad_s"), table.numbers("tau_Nm")
     if len(tau) < 2:
         raise UserError(f"{path}: {len(tau)} samples.", "Record the run again.")
     return SteadyRun(path.name, omega, tau, table.report())
-
-
-def _plain(path: Path) -> tuple[FileTable, Array, Array]:
-    table = read_table(path, ("omega_rad_s", "tau_Nm"))
-    return table, table.numbers("omega_rad_s"), table.numbers("tau_Nm")
 
 
 def _is_epos(path: Path) -> bool:

@@ -37,6 +37,9 @@ class Estimate:
         half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, max(blocks - 1, 1))) * deviation
         return cls(float(value), float(value - half), float(value + half))
 
+    def times(self, by: float) -> Estimate:
+        return Estimate(by * self.value, *sorted((by * self.low, by * self.high)))
+
     @property
     def half(self) -> float:
         return 0.5 * (self.high - self.low)

@@ -21,7 +21,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.conditions import Split, splits_of
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
 from esea_gen.identify.recording.reading import load_recordings, resample
-from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows
+from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows, training_sets
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
 from esea_gen.model.rubber import fitted_of
@@ -120,7 +120,7 @@ def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Arra
         [np.clip(np.searchsorted(g, r.time_s[s.training]), 0, len(g) - 1) for s in r.sets]
         for r, g in zip(recordings, grids, strict=True)
     ]
-    sets = [r.tau_Nm[s.training] for r in recordings for s in r.sets if len(s.training)]
+    sets = [r.tau_Nm[s.training] for r, s in training_sets(recordings)]
     weight = equal_weights(sets)
     target = np.concatenate(sets) * weight
 
@@ -218,6 +218,10 @@ class ModelComparison:
         return lines + [f"note: {n}" for n in self.notes]
 
 
+# Errors of a split, and the device that was fitted to it; None where a model gives none.
+Fitter = Callable[[Split], tuple[Misfits, Device | None]]
+
+
 def compare(
     mapping_path: str | Path,
     data_folder: str | Path | None = None,
@@ -234,91 +238,70 @@ def compare(
     timed = all(r.timed for r in recordings)
     able = [m for m in members() if timed or not m.timed]
     others = list(PEERS) if peers else []
-    run = _Run(source, recordings, splits, cost, progress or (lambda share, text: None))
-    run.total = len(splits) * (1 + len(able) + len(others))
-    run.thesis(how)
-    for member in able:
-        run.member(member)
-    for name in others:
-        run.peer(name)
-    whole = {s.condition for s in splits if s.whole}
-    chosen, best, spread = choose(run.rows, whole, run.costs)
-    return ModelComparison(
-        source,
-        run.full_scale_Nm,
-        tuple(run.rows),
-        chosen,
-        best,
-        spread,
-        run.devices,
-        (
-            *gate_notes(recordings, excused_of(run.devices[chosen])),
-            *_notes(timed, splits, able),
-            *temperature_notes(recordings),
-        ),
-        tuple(recordings),
-    )
-
-
-class _Run:
-    """One comparison under way: its rows so far."""
-
-    def __init__(
-        self,
-        source: MappingFile,
-        recordings: list[Recording],
-        splits: Sequence[Split],
-        cost: Cost | None,
-        tell: Progress,
-    ) -> None:
-        self.source, self.recordings, self.cost, self.tell = source, recordings, cost, tell
+    total = len(splits) * (1 + len(able) + len(others))
+    full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
+    rows: list[CompareRow] = []
+    devices: dict[str, Device] = {}
+    costs: dict[str, float] = {}
+    for name, fit in _models(source, recordings, able, others, full_scale_Nm, how):
+        counted = None
         # The file's own division first: what its fit costs stands for the model.
-        self.splits = sorted(splits, key=lambda s: not s.declared)
-        self.full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
-        self.total = 0
-        self.rows: list[CompareRow] = []
-        self.devices: dict[str, Device] = {}
-        self.costs: dict[str, float] = {}
-        self.instructions: dict[str, float] = {}
-
-    def price(self, name: str, device: Device) -> None:
-        self.devices[name] = device
-        if self.cost is not None:
-            self.instructions[name] = self.cost(device)
-        self.costs[name] = self.instructions.get(name, float(device.sensor.step.n_instructions()))
-
-    def add(self, name: str, split: Split, errors: Misfits) -> None:
-        trained, held_out = (
-            100 * errors.mean_rms(held) / self.full_scale_Nm for held in (False, True)
-        )
-        counted = self.instructions.get(name)
-        self.rows.append(CompareRow(name, split.condition, trained, held_out, counted))
-        self.tell(len(self.rows) / self.total, f"{name}, {split.condition}")
-
-    def thesis(self, how: Searching | None) -> None:
-        for split in self.splits:
-            recordings = list(split.recordings)
-            template = draft(self.source, recordings, self.source.mapping.device.rate_terms)
-            _, _, device, verdict = fit_split(
-                self.source, recordings, template, lambda share, text: None, how
+        for split in sorted(splits, key=lambda s: not s.declared):
+            errors, device = fit(split)
+            if split.declared and device is not None:
+                counted = None if cost is None else cost(device)
+                devices[name] = device
+                costs[name] = counted or float(device.sensor.step.n_instructions())
+            trained, held_out = (
+                100 * errors.mean_rms(held) / full_scale_Nm for held in (False, True)
             )
-            if split.declared:
-                self.price(THESIS, device)
-            self.add(THESIS, split, verdict.misfits)
+            rows.append(CompareRow(name, split.condition, trained, held_out, counted))
+            if progress is not None:
+                progress(len(rows) / total, f"{name}, {split.condition}")
+    chosen, best, spread = choose(rows, {s.condition for s in splits if s.whole}, costs)
+    notes = (
+        *gate_notes(recordings, excused_of(devices[chosen])),
+        *_notes(timed, splits, able),
+        *temperature_notes(recordings),
+    )
+    found = source, full_scale_Nm, tuple(rows), chosen, best, spread, devices
+    return ModelComparison(*found, notes, tuple(recordings))
 
-    def member(self, member: Member) -> None:
-        terms = UnitTerms(member, self.recordings, grid_rate(self.source))
-        for split in self.splits:
-            fitted = fit_member(terms, split.recordings, self.full_scale_Nm)
-            if split.declared:
-                self.price(member.name, drafted_member(self.source, list(split.recordings), fitted))
-            self.add(member.name, split, misfits_of(terms, split.recordings, fitted))
 
-    def peer(self, name: str) -> None:
-        for split in self.splits:
-            torque = fit_peer(name, split.recordings, self.source.mapping.search.seed)
+def _models(
+    source: MappingFile,
+    recordings: list[Recording],
+    able: Sequence[Member],
+    others: Sequence[str],
+    full_scale_Nm: float,
+    how: Searching | None,
+) -> Iterator[tuple[str, Fitter]]:
+    def thesis(split: Split) -> tuple[Misfits, Device | None]:
+        some = list(split.recordings)
+        template = draft(source, some, source.mapping.device.rate_terms)
+        fit = fit_split(source, some, template, lambda share, text: None, how)
+        return fit[3].misfits, fit[2]
+
+    yield THESIS, thesis
+    for m in able:
+        terms = UnitTerms(m, recordings, grid_rate(source))
+
+        def member(split: Split, terms: UnitTerms = terms) -> tuple[Misfits, Device | None]:
+            some, device = list(split.recordings), None
+            fitted = fit_member(terms, some, full_scale_Nm)
+            if split.declared:
+                device = drafted_member(source, some, fitted)
+            return misfits_of(terms, some, fitted), device
+
+        yield m.name, member
+    for n in others:
+
+        def peer(split: Split, name: str = n) -> tuple[Misfits, Device | None]:
+            torque = fit_peer(name, split.recordings, source.mapping.search.seed)
             pairs = zip(split.recordings, torque, strict=True)
-            self.add(name, split, Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in pairs)))
+            return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in pairs)), None
+
+        yield n, peer
 
 
 def choose(

@@ -24,7 +24,7 @@ from esea_gen.identify.recording.conditions import (
     tells_none,
 )
 from esea_gen.identify.recording.reading import resample
-from esea_gen.identify.recording.recorded import Misfits, Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
 from esea_gen.identify.recording.resampling import (
     FitRows,
     LeftOut,
@@ -150,12 +150,7 @@ class UnitTerms:
 
 def trained_scale(recordings: Sequence[Recording]) -> float:
     """Largest deflection in training."""
-    return max(
-        float(np.abs(r.theta_rad[s.training]).max())
-        for r in recordings
-        for s in r.sets
-        if len(s.training)
-    )
+    return max(float(np.abs(r.theta_rad[s.training]).max()) for r, s in training_sets(recordings))
 
 
 def solve_weights(basis: Array, target: Array, free: Sequence[bool], floor: Array) -> Array:
@@ -203,16 +198,20 @@ def fit_member(
 def _weighted(
     terms: UnitTerms, recordings: Sequence[Recording], scale_rad: float
 ) -> tuple[Array, Array]:
-    # Terms and torque of the rows that train, such that every data set counts the same.
-    sets = [
-        (c[s.training], r.tau_Nm[s.training])
-        for r, c in zip(recordings, terms.over(scale_rad), strict=True)
-        for s in r.sets
-        if len(s.training)
-    ]
-    rows = equal_weights([y for _, y in sets])
-    target = np.concatenate([y for _, y in sets]) * rows
-    return np.concatenate([b for b, _ in sets]) * rows[:, None], target
+    # As `_trained`, such that every data set counts the same.
+    every, target = _trained(terms, recordings, scale_rad)
+    rows = equal_weights([s.training for _, s in training_sets(recordings)])
+    return every * rows[:, None], target * rows
+
+
+def _trained(
+    terms: UnitTerms, recordings: Sequence[Recording], scale_rad: float
+) -> tuple[Array, Array]:
+    # Terms and torque of the rows that train.
+    pairs = zip(recordings, terms.over(scale_rad), strict=True)
+    every = [c[s.training] for r, c in pairs for s in r.sets]
+    target = [r.tau_Nm[s.training] for r, s in training_sets(recordings)]
+    return np.concatenate(every), np.concatenate(target)
 
 
 def alike(member: Member, basis: Array) -> dict[int, int]:
@@ -252,7 +251,7 @@ def not_seen(
 
 def _temperatures(recordings: Sequence[Recording]) -> Array:
     # Of each row that trains; NaN where it is not known.
-    known = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+    known = training_sets(recordings)
     at_C = [math.nan if r.temperature_C is None else r.temperature_C for r, _ in known]
     return np.repeat(at_C, [len(s.training) for _, s in known])
 
@@ -279,18 +278,15 @@ def _fitted_rows(
 ) -> tuple[list[int], Array, Array, Array, FitRows]:
     # Terms that carry torque, their torque at weight 1 and where there is a factor of temperature
     # what a change of it by 1/K gives, residuals, weights, and the rows' blocks.
-    columns = terms.over(fitted.scale_rad)
     used = [i for i, w in enumerate(fitted.weights_Nm) if w]
-    pairs = zip(recordings, columns, strict=True)
-    sets = [(r, s, c) for r, c in pairs for s in r.sets if len(s.training)]
-    ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s, _ in sets]
-    every = np.concatenate([c[s.training] for _, s, c in sets])
+    sets = training_sets(recordings)
+    ways = [np.sign(np.gradient(r.theta_rad))[s.training] for r, s in sets]
+    every, target = _trained(terms, recordings, fitted.scale_rad)
     at_C, weights = _temperatures(recordings), np.array(fitted.weights_Nm)
     basis = at_temperature(fitted.member, fitted.temperature, at_C, every)[:, used]
-    target = np.concatenate([r.tau_Nm[s.training] for r, s, _ in sets])
     weight = equal_weights(ways) * np.sqrt(len(target))
     residual = target - basis @ weights[used]
-    rows = rows_of([(r, s) for r, s, _ in sets], ways)
+    rows = rows_of(sets, ways)
     if fitted.temperature is not None:
         if rests_on_one(recordings, tells_none):
             rows = replace(rows, alone=True)

@@ -18,7 +18,7 @@ from esea_gen.device import Device, with_numbers
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
 from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Recording, training_sets
 from esea_gen.identify.recording.resampling import (
     FitRows,
     LeftOut,
@@ -57,7 +57,7 @@ def thinned(rows: npt.NDArray[np.intp], most: int | None) -> npt.NDArray[np.intp
     return rows if most is None else rows[:: math.ceil(len(rows) / most)]
 
 
-def equal_weights(sets: Sequence[Array]) -> Array:
+def equal_weights(sets: Sequence[npt.NDArray[Any]]) -> Array:
     """Weights of residuals under which every data set counts the same, however long it is."""
     w = np.concatenate([np.full(len(x), 1.0 / len(x)) for x in sets])
     return np.asarray(np.sqrt(w / w.sum()))
@@ -141,7 +141,7 @@ class FittedPlant:
 
     def _rows(self, recordings: Sequence[Recording]) -> FitRows:
         ways = [np.sign(np.gradient(s.theta_rad))[at] for s in self.streams for at in s.training]
-        sets = [(r, s) for r in recordings for s in r.sets if len(s.training)]
+        sets = training_sets(recordings)
         if len(ways) != len(sets):  # a coarse grid lost a data set of very few samples
             return FitRows.of([(i, 1, way) for i, way in enumerate(ways)])
         return rows_of(sets, ways)

@@ -13,8 +13,8 @@ References
 from __future__ import annotations
 
 import hashlib
-import json
 import os
+import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -68,11 +68,11 @@ def runner_up(costs: list[float]) -> float:
     return costs[1] / costs[0] if len(costs) > 1 and costs[0] > 0 else float("inf")
 
 
-HEAD = "esea-gen search 1"
+TABLE = "CREATE TABLE IF NOT EXISTS search (name TEXT PRIMARY KEY, numbers BLOB) WITHOUT ROWID"
 
 
 class SearchMemo:
-    """Numbers by digest, in memory and, where a file is named, one line each on the disk.
+    """Numbers by digest, in memory or, where a file is named, in it (SQLite).
 
     Every search is the same computation each time: one that was cut off is begun again, and takes
     from the file what is there.
@@ -80,47 +80,38 @@ class SearchMemo:
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path
-        self._known: dict[str, tuple[float, ...]] = {}
-        if path is not None:
-            self._open(path)
-
-    def _open(self, path: Path) -> None:
-        fix = "Name another file for --resume."
-        try:
-            raw = path.read_bytes() if path.exists() else b""
-            # A line that the end of the last run cut off is written anew.
-            whole = raw[: raw.rfind(b"\n") + 1]
-            head, *lines = whole.split(b"\n")
-            if raw and head.decode(errors="replace") != HEAD:
-                if not f"{HEAD}\n".encode().startswith(raw):
-                    raise UserError(f"{path}: is no record of a search.", fix)
-                whole, lines = b"", []
-            if len(whole) != len(raw) or not whole:
+        with self._usable():
+            if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(whole or f"{HEAD}\n".encode())
-        except OSError as error:
-            raise UserError(f"{path}: cannot be used ({error.strerror or error}).", fix) from None
-        for number, line in enumerate(filter(None, lines), 2):
-            try:
-                name, *values = json.loads(line)
-                self._known[str(name)] = tuple(float(v) for v in values)
-            except (ValueError, TypeError):
-                raise UserError(f"{path}, line {number}: is damaged.", fix) from None
+            self._kept = sqlite3.connect(path or ":memory:")
+            self._kept.execute(TABLE)
+            if self._kept.execute("PRAGMA quick_check").fetchone() != ("ok",):
+                raise sqlite3.DatabaseError("it is damaged")
+
+    @contextmanager
+    def _usable(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            raise UserError(
+                f"{self.path}: cannot be used ({error}).", "Name another file for --resume."
+            ) from None
 
     def name(self, *parts: str | bytes) -> str:
         joined = b"\0".join(p if isinstance(p, bytes) else p.encode() for p in parts)
         return hashlib.sha256(joined).hexdigest()[:32]
 
     def get(self, name: str) -> tuple[float, ...] | None:
-        return self._known.get(name)
+        with self._usable():
+            asked = "SELECT numbers FROM search WHERE name = ?"
+            found = self._kept.execute(asked, (name,)).fetchone()
+        return tuple(np.frombuffer(found[0]).tolist()) if found else None
 
     def put(self, found: Iterable[tuple[str, Sequence[float] | Array]]) -> None:
         """Keep some, on the disk before this returns."""
-        rows = [(n, tuple(float(v) for v in np.atleast_1d(values))) for n, values in found]
-        self._known |= dict(rows)
-        if self.path is not None and rows:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write("".join(json.dumps([n, *values]) + "\n" for n, values in rows))
+        rows = [(n, np.asarray(values, dtype=np.float64).tobytes()) for n, values in found]
+        with self._usable(), self._kept:
+            self._kept.executemany("INSERT OR REPLACE INTO search VALUES (?, ?)", rows)
 
 
 BATCH = 64  # points between two words of progress
@@ -241,16 +232,12 @@ class SearchProblem:
                     for i in range(first, min(first + BATCH, len(points)))
                     if self.memo.get(names[i]) is None
                 ]
-                found = list(spread(lambda i: self._cost(points[i]), missing))
-                self.memo.put((names[i], [c]) for i, c in zip(missing, found, strict=True))
+                found = list(spread(lambda i: self.residual(points[i]), missing))
+                self.memo.put((names[i], [e @ e]) for i, e in zip(missing, found, strict=True))
                 for name, x in zip(names[part], points[part], strict=True):
                     self._seen(self._kept(name)[0], x, 1)
                 self.tell(self.evaluations, self.best[0])
         return np.array([self._kept(n)[0] for n in names])
-
-    def _cost(self, x: Array) -> float:
-        error = self.residual(x)
-        return float(error @ error)
 
     def refined(self, starts: Sequence[Array], steps: int) -> list[tuple[float, Array]]:
         """Least-squares minima next to starts, each on a core, with exact gradients."""

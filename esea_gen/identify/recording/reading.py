@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
@@ -84,10 +83,6 @@ def _check_turned(source: MappingFile, loaded: list[Recording]) -> None:
             f"{source.origin}: torque.sign = 'fit' turns {turned[0]} round and {straight} not.",
             "On one rig the sign is one: leave the file out that is wrong.",
         )
-
-
-def _conditions(mapping: Mapping, name: str) -> tuple[str, ...]:
-    return tuple(c.name for c in mapping.condition if any(fnmatch(name, p) for p in c.files))
 
 
 def _check_conditions(source: MappingFile, loaded: list[Recording]) -> None:
@@ -183,7 +178,7 @@ def _load(
         dropped=dropped,
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
-        conditions=_conditions(m, name),
+        conditions=tuple(c.name for c in m.condition if any(fnmatch(name, p) for p in c.files)),
         findings=(*_findings(read, jumped, spiky, recorded, turned, gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
@@ -354,8 +349,10 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
 
 
 def _stiffness(theta: Array, tau: Array) -> float:
-    # Where the deflection is held the torque relaxes; what counts is how it rose before.
-    end = int(np.flatnonzero(_at_end(theta))[0]) + 1 if _held(theta) else len(theta)
+    # Most of a test of relaxation holds one deflection, where the torque relaxes: what counts is
+    # how it rose before.
+    at_end = _at_end(theta)
+    end = int(np.flatnonzero(at_end)[0]) + 1 if np.mean(at_end) > 0.5 else len(theta)
     theta, tau = theta[:end], tau[:end]
     x, y = theta - theta.mean(), tau - tau.mean()
     return float(x @ y / (x @ x)) if np.any(x) else 0.0
@@ -365,11 +362,6 @@ def _at_end(theta: Array) -> npt.NDArray[np.bool_]:
     """Samples at the deflection farthest from the first one."""
     way = np.abs(theta - theta[0])
     return np.asarray(way >= (1 - HELD_BAND) * way.max())
-
-
-def _held(theta: Array) -> bool:
-    """Whether most of a recording holds one deflection: a test of relaxation."""
-    return bool(np.mean(_at_end(theta)) > 0.5)
 
 
 def _zeroed(x: Array, zero: str) -> Array:
@@ -402,49 +394,21 @@ def resample(time_s: Array, values: Array, grid_s: Array) -> Array:
     return np.asarray(out, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class Replay:
-    label: str
-    time_s: Array  # shape (steps,); deflection and measured torque
-    theta_rad: Array
-    tau_Nm: Array
-    timed: bool  # whether the time was recorded, not assumed
-    held_out: Array  # samples that identification did not see, shape (steps,)
-    digest: str  # First 16 hexadecimal digits of the file's SHA-256
-
-
-def recordings_for(device: Device, mapping: Path, data: Path | None = None) -> list[Replay]:
-    source = load_mapping(mapping, data)
-    return [_replay(device, source.origin, r) for r in load_recordings(source)]
-
-
-def _replay(device: Device, origin: str, r: Recording) -> Replay:
-    reach = float(np.max(np.abs(r.theta_rad)))
-    limit = device.file.limits.theta_rad.value
-    if reach > limit:
-        raise UserError(
-            f"{origin}: {r.label} reaches {reach:.3g} rad, above {device.name}'s "
-            f"limits.theta_rad = {limit:g} rad: every sample beyond it would be an invalid input.",
-            "Change the mapping's deflection scale, or use a device with a wider limit.",
-        )
-    grid = np.arange(r.time_s[0], r.time_s[-1], device.period_s)
-    # Rounding may put the grid's last step behind the last sample.
-    nearest = np.minimum(np.searchsorted(r.time_s, grid), len(r.time_s) - 1)
-    unseen = np.zeros(len(r.time_s), dtype=bool)
-    for s in r.sets:
-        unseen[list(s.held_out)] = True
-    return Replay(
-        r.label,
-        grid - grid[0],
-        resample(r.time_s, r.theta_rad, grid),
-        resample(r.time_s, r.tau_Nm, grid),
-        r.timed,
-        unseen[nearest],
-        r.digest,
-    )
-
-
 def recorded_deflections(
     device: Device, mapping: Path, data: Path | None = None
 ) -> dict[str, Array]:
-    return {r.label: r.theta_rad for r in recordings_for(device, mapping, data)}
+    """Deflections of a mapping's recordings at a device's sensing rate, by label."""
+    source, found = load_mapping(mapping, data), {}
+    limit = device.file.limits.theta_rad.value
+    for r in load_recordings(source):
+        reach = float(np.max(np.abs(r.theta_rad)))
+        if reach > limit:
+            raise UserError(
+                f"{source.origin}: {r.label} reaches {reach:.3g} rad, above {device.name}'s "
+                f"limits.theta_rad = {limit:g} rad: every sample beyond it would be an invalid "
+                "input.",
+                "Change the mapping's deflection scale, or use a device with a wider limit.",
+            )
+        grid = np.arange(r.time_s[0], r.time_s[-1], device.period_s)
+        found[r.label] = resample(r.time_s, r.theta_rad, grid)
+    return found

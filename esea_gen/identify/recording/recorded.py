@@ -33,18 +33,15 @@ class Recording:
     temperature_C: float | None = None  # of the rubber; None where no one said it
 
 
+def training_sets(recordings: Iterable[Recording]) -> list[tuple[Recording, DataSet]]:
+    return [(r, s) for r in recordings for s in r.sets if len(s.training)]
+
+
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
+    same = ("label", "file", "dropped", "timed", "temperature_C")
     return [
-        {
-            "label": r.label,
-            "file": r.file,
-            "sha256": r.digest,
-            "samples": len(r.time_s),
-            "dropped": r.dropped,
-            "timed": r.timed,
-            "duration_s": float(r.time_s[-1]),
-            "temperature_C": r.temperature_C,
-        }
+        {k: getattr(r, k) for k in same}
+        | {"sha256": r.digest, "samples": len(r.time_s), "duration_s": float(r.time_s[-1])}
         for r in recordings
     ]
 

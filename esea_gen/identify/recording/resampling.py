@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,10 +26,8 @@ import scipy  # its parts are read on first use
 
 from esea_gen.identify.recording.conditions import conditions_of
 from esea_gen.identify.recording.cycles import DataSet
+from esea_gen.identify.recording.recorded import Recording, training_sets
 from esea_gen.language.ports import Array
-
-if TYPE_CHECKING:
-    from esea_gen.identify.recording.recorded import Recording
 
 Blocks = npt.NDArray[np.intp]
 
@@ -92,7 +90,7 @@ def rests_on_one(
     recordings: Sequence[Recording], lost: Callable[[list[Recording]], object]
 ) -> bool:
     """Whether some condition alone tells: left out, its move would be no deviation."""
-    used = {conditions_of(r, s)[0] for r in recordings for s in r.sets if len(s.training)}
+    used = {conditions_of(r, s)[0] for r, s in training_sets(recordings)}
 
     def left(r: Recording, condition: str) -> Recording:
         sets = (

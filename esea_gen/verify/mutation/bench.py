@@ -173,7 +173,8 @@ class Bench:
         lines.append("void esea_choose_mutant(int which) { chosen = which; }")
         for name in names:
             kind = ffi.typeof(getattr(self.library.lib, name))
-            made, types = kind.result.cname, [_c_type(a) for a in kind.args]
+            types = ["void *" if a.kind == "pointer" else str(a.cname) for a in kind.args]
+            made = kind.result.cname
             taken, table = ", ".join(types), ", ".join(f"m{k}_{name}" for k in range(count))
             named = ", ".join(f"{t} a{k}" for k, t in enumerate(types))
             given = ", ".join(f"a{k}" for k in range(len(types)))
@@ -250,10 +251,6 @@ class Bench:
             for j in self.judged[block.name]
             if j.symbolic is not None
         )
-
-
-def _c_type(kind: Any) -> str:
-    return "void *" if kind.kind == "pointer" else str(kind.cname)
 
 
 def _renamed(texts: Sequence[str], names: Sequence[str]) -> str:

@@ -13,7 +13,7 @@ from esea_gen.cli.options import FigureOption, option
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import read_table
-from esea_host.cli.app import app, out, say
+from esea_host.cli.app import app, out, say, say_left_out
 from esea_host.cli.options import JsonOption, ReportOption
 from esea_host.cli.study import FolderArgument, opened, study_app
 
@@ -36,10 +36,44 @@ def interaction(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
     json_file: JsonOption = None,
     report: ReportOption = None,
+    blinded: Annotated[
+        bool, typer.Option("--blinded", help="A study's folder: elements by neutral names.")
+    ] = False,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
+    from esea_host.study.folder import PROTOCOL
+
     checked_page(report)
-    shown_interaction(folder, json_file, report)
+    if (folder / PROTOCOL).exists():
+        _shown_study(folder, json_file, report, blinded)
+    elif blinded:
+        raise UserError("--blinded is of a study's folder.", "Leave it out.")
+    else:
+        shown_interaction(folder, json_file, report)
+
+
+def _shown_study(folder: Path, json_file: Path | None, report: Path | None, blinded: bool) -> None:
+    from esea_host.interaction.analysis import analyse_interaction
+    from esea_host.interaction.design import ELEMENTS, SPRING
+    from esea_host.interaction.words import lines
+    from esea_host.study.exchange import omissions, veiled_names
+    from esea_host.study.folder import StudyFolder
+
+    study = StudyFolder.open(folder, runs=False)
+    say_left_out(omissions(study))
+    if not blinded and not any(study.blinded(role) for role in ("operator", "analyst")):
+        shown_interaction(folder, json_file, report)
+        return
+    if json_file is not None or report is not None:
+        raise UserError(
+            "A blinded analysis is printed only: files name the elements.",
+            "Leave --json and --report out until the study is unblinded.",
+        )
+    names = veiled_names(study)
+    out.print("BLINDED: neutral names for the two elements; their order was drawn at random.")
+    swapped = names[SPRING] != min(names.values())
+    order = dict(zip(ELEMENTS, sorted(names.values()), strict=True))
+    say(lines(analyse_interaction(folder, True, swapped), order))
 
 
 def checked_page(report: Path | None) -> None:

@@ -87,9 +87,8 @@ def delete(
     """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
-    out.print(
-        f"{code}: {opened(folder, runs=False, operator=operator).delete(code, reason)} files deleted"
-    )
+    files = opened(folder, runs=False, operator=operator).delete(code, reason)
+    out.print(f"{code}: {files} files deleted")
 
 
 @study_app.command("export")
@@ -131,7 +130,7 @@ def export(
     study.record("export", form=as_.value, labels=labels, written=written)
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
     if found := _identifying(study, to):
-        out.print(f"{len(found)} things could identify a person: study export {folder} --check")
+        out.print(f"Before you share it: study export {folder} --check has {len(found)} findings.")
     if study.left_out:
         raise typer.Exit(1)
 

@@ -126,9 +126,15 @@ def printed(task: str, metric: str) -> dict[str, Any] | None:
     }
 
 
-def analyse_interaction(folder: Path) -> InteractionAnalysis:
-    """Everything that a folder of recordings answers."""
-    found = read_recordings(folder)
+def analyse_interaction(
+    folder: Path, blinded: bool = False, swapped: bool = False
+) -> InteractionAnalysis:
+    """Everything that a folder of recordings answers.
+
+    blinded: survey and comments would tell the elements, and stay out; swapped: as of
+    :func:`read_recordings`.
+    """
+    found = read_recordings(folder, swapped)
     try:
         comparisons = [c for t in found.tasks for c in _comparisons(found, t)]
     except (NoAnswerError, NoStatisticError) as error:
@@ -146,8 +152,8 @@ def analyse_interaction(folder: Path) -> InteractionAnalysis:
             replace(c, device_holm=float(d), block_holm=float(b))
             for c, d, b in zip(comparisons, device, block, strict=True)
         ),
-        read_survey(folder / manifest.survey) if manifest.survey else None,
-        read_comments(folder / manifest.comments) if manifest.comments else None,
+        read_survey(folder / manifest.survey) if manifest.survey and not blinded else None,
+        read_comments(folder / manifest.comments) if manifest.comments and not blinded else None,
     )
 
 

@@ -43,7 +43,9 @@ from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
 from esea_host.study.exchange import TrialTrace, traces
 from esea_host.study.folder import StudyFolder
+from esea_host.study.privacy import PRIVATE
 from esea_host.study.recorded import BoardRecordings
+from esea_host.study.records import gone_from
 from esea_host.study.session import COMPLETED
 from esea_host.study.task import task_named
 
@@ -104,6 +106,8 @@ class Recordings:
 def read_manifest(folder: Path) -> Manifest:
     """The manifest, checked against the cross-over's design."""
     path = folder / MANIFEST
+    if not path.exists() and (sealed := folder / PRIVATE / MANIFEST).exists():
+        path = sealed  # its operator is blinded
     text = read_text(path, f"Give a folder with {MANIFEST}; see the page on interaction quality.")
     document = parse_toml(text, path.name, "the page on interaction quality")
     manifest = checked(Manifest, document, path.name, lambda _: None, text)
@@ -191,12 +195,14 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
     """
     manifest = read_manifest(folder)
     if swapped:
-        renamed = tuple(e.swapped() for e in manifest.recording)
-        manifest = manifest.model_copy(update={"recording": renamed})
-    tasks, left_out = [], []
-    tables: list[FileTable] = []
-    for task in sorted({e.task for e in manifest.recording}):
-        entries = [e for e in manifest.recording if e.task == task]
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
+    named = {e.participant for e in manifest.recording}
+    left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
+    there = [e for e in manifest.recording if e.participant not in gone]
+    for task in sorted({e.task for e in there}):
+        entries = [e for e in there if e.task == task]
         people = sorted({e.participant for e in entries})
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]
@@ -263,7 +269,12 @@ def cut_trials(study: StudyFolder) -> int:
     written = 0
     for _, _, path in study.sessions():
         recordings = BoardRecordings(path.parent)
-        for trace in traces(path) if recordings.paths else []:
+        try:
+            found = traces(path) if recordings.paths else []
+        except UserError as error:
+            study.leave_out(path, error)
+            found = []
+        for trace in found:
             target = path.parent / recording_name(trace.trial.number)
             if trace.trial.task.startswith("interaction.") and not target.exists():
                 written += _cut(trace, recordings, target)

@@ -19,6 +19,7 @@ from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.source import VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import code_of, run_everybody
+from esea_host.study.privacy import PRIVATE
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
 from esea_host.study.source import Gauge, InputSource
@@ -125,7 +126,7 @@ def write_manifest(folder: Path, last_s: float) -> None:
     simulated = False
     groups = study.allocations
     for code in study.participants():
-        for row in study.rows(code):
+        for row in study.rows(code, strict=False):
             block = row["session"] + 1
             file = f"{code}/session-{block}/{recording_name(row['trial'])}"
             if row["familiarisation"] or not (folder / file).exists():
@@ -143,4 +144,5 @@ def write_manifest(folder: Path, last_s: float) -> None:
             ]
     # One that is simulated makes the study so.
     head = [f"simulated = {str(simulated).lower()}", f"last_s = {last_s:g}", ""]
-    write_whole(folder / MANIFEST, "\n".join([*head, *lines]))
+    place = folder / PRIVATE if study.blinded("operator") else folder
+    write_whole(place / MANIFEST, "\n".join([*head, *lines]))

@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
 
 from esea_host.interaction.analysis import ElementComparison, InteractionAnalysis, printed
 
 
-def lines(found: InteractionAnalysis) -> list[str]:
+def lines(found: InteractionAnalysis, names: Mapping[str, str] | None = None) -> list[str]:
+    """names: of the elements in a blinded analysis; beside published values one could tell them."""
+    if names:
+        known = [*_ours(found), *answer_lines(found)]
+        words = re.compile("|".join(map(re.escape, names)))
+        return [words.sub(lambda m: names[m[0]], line) for line in known]
+    return [*_ours(found), *beside_lines(found), *answer_lines(found)]
+
+
+def _ours(found: InteractionAnalysis) -> list[str]:
     out = [
         f"{found.folder}: {len(found.people)} people"
         + (", SIMULATED: no person took part" if found.simulated else "")
     ]
     out += found.read
     if found.left_out:
-        out.append(f"left out, one element missing: {', '.join(found.left_out)}")
+        out.append(f"left out, one element missing or withdrawn: {', '.join(found.left_out)}")
     for c in found.comparisons:
         out += ["", *comparison_lines(c, found.simulated)]
     for extra in (found.survey, found.comments):
         if extra is not None:
             out += ["", *extra.lines()]
-    return [*out, *beside_lines(found), *answer_lines(found)]
+    return out
 
 
 def beside_lines(found: InteractionAnalysis) -> list[str]:

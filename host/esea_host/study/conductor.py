@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_host.study.edge import longest_trial_s
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
@@ -274,7 +275,7 @@ class Conductor(SessionWatcher):
 
     def longest_s(self, trial: PlannedTrial) -> float:
         task, parameters = trial.asked()
-        return task.longest_s(parameters)
+        return longest_trial_s(task, parameters)
 
     # -- in the session's thread -------------------------------------------------------------------
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from esea_gen.errors import UserError
-from esea_host.study.folder import AUDIT, WAIT_S, StudyFolder
+from esea_host.study.folder import WAIT_S, StudyFolder
 from esea_host.study.log import EventLog, MovedAside, read_log
-from esea_host.study.records import renamed
+from esea_host.study.records import AUDIT, renamed
 
 
 def repair(study: StudyFolder) -> list[str]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Any
 
 from esea_gen.errors import UserError
 from esea_gen.pages import environment
@@ -34,14 +33,17 @@ class StudyFlow:
 def flow_of(study: StudyFolder) -> StudyFlow:
     entries = study.trail(strict=False)
     enrolled = list(study.participants())
-    lost = Counter(e.kind for e in entries if e.kind in ("withdraw", "delete"))
-    gone = {e.data["participant"] for e in entries if e.kind in ("withdraw", "delete")}
+    lost = {
+        word: {e.data["participant"] for e in entries if e.kind == kind}
+        for kind, word in (("withdraw", "withdrew"), ("delete", "data deleted"))
+    }
     found = study.allocations
     opened = [c for c in enrolled if found.group(c) is not None] if found.needs_list else enrolled
+    idle = set(enrolled) - set(opened)
     before = [f"Enrolled: {len(enrolled)}"]
-    before += [f"withdrew: {lost['withdraw']}"] if lost["withdraw"] else []
-    before += [f"data deleted: {lost['delete']}"] if lost["delete"] else []
-    allocated = [f"Allocated: {len(opened)}", f"not yet: {len(set(enrolled) - set(opened) - gone)}"]
+    before += _counted({f"{w}, without a group": codes & idle for w, codes in lost.items()})
+    waiting = idle.difference(*lost.values())
+    allocated = [f"Allocated: {len(opened)}", *_counted({"not yet": waiting})]
     if found.needs_list:
         allocated.append(f"places of the sealed list: {found.places()}")
     states = states_of(study)
@@ -49,15 +51,20 @@ def flow_of(study: StudyFolder) -> StudyFlow:
     if study.protocol.file.groups and not study.blinded("operator"):
         for group, order in sorted(study.protocol.file.groups.items()):
             members = [c for c in opened if found.group(c) == group]
-            arms.append(_arm(study, f"Group {group}: {', then '.join(order)}", members, states))
+            title = f"Group {group}: {', then '.join(order)}"
+            arms.append(_arm(study, title, members, states, lost))
     else:
-        arms.append(_arm(study, "All participants", opened, states))
+        arms.append(_arm(study, "All participants", opened, states, lost))
     return StudyFlow(tuple(before), tuple(allocated), tuple(arms))
+
+
+def _counted(found: Mapping[str, Set[str]]) -> list[str]:
+    return [f"{what}: {len(codes)}" for what, codes in found.items() if codes]
 
 
 def states_of(study: StudyFolder) -> dict[tuple[str, int], SessionState | UserError]:
     found: dict[tuple[str, int], SessionState | UserError] = {}
-    for code, number, path in study.sessions():
+    for code, number, path in study.sessions(every=True):
         try:
             found[code, number] = read_session(path)
         except UserError as error:
@@ -70,15 +77,17 @@ def _arm(
     title: str,
     members: Sequence[str],
     states: Mapping[tuple[str, int], SessionState | UserError],
+    lost: Mapping[str, Set[str]],
 ) -> tuple[tuple[str, ...], ...]:
-    boxes = [(title, f"participants: {len(members)}")]
+    boxes: list[tuple[str, ...]] = [(title, f"participants: {len(members)}")]
     for number, session in enumerate(study.protocol.file.session):
         begun = [states[c, number] for c in members if (c, number) in states]
         whole = [s for s in begun if isinstance(s, SessionState) and not s.remaining]
         told = f"begun: {len(begun)}, complete: {len(whole)}"
         boxes.append((f"Session {number + 1}, {session.name}", told))
     used = sum(bool(study.rows(c, strict=False)) for c in members)
-    boxes.append(("Data used", f"participants: {used}"))
+    gone = _counted({what: codes & set(members) for what, codes in lost.items()})
+    boxes.append((f"Data used: {used}", *gone))
     return tuple(boxes)
 
 
@@ -90,7 +99,7 @@ def _sessions(
         for e in reversed(study.trail(strict=False))
         if e.kind == "session_start"
     }
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for (code, number), state in states.items():
         start = begun.get((code, number))
         head = (code, str(number + 1), _day(start), start.by if start else "")
@@ -101,6 +110,15 @@ def _sessions(
         done = f"{count['completed']} of {len(state.plan.trials)}"
         rows.append((*head, done, str(count["failed"]), str(count["skipped"]), state.ended))
     return rows
+
+
+def _people(study: StudyFolder, entries: Sequence[LoggedEvent]) -> list[tuple[str, ...]]:
+    consents = {e.data["participant"]: e.data for e in entries if e.kind == "consent"}
+    keys, found = ("date", "form", "by"), study.allocations
+    return [
+        (code, found.stratum(code), *(str(consents.get(code, {}).get(k, "")) for k in keys))
+        for code in study.participants()
+    ]
 
 
 def _day(entry: LoggedEvent | None) -> str:
@@ -135,6 +153,7 @@ def study_page(study: StudyFolder) -> str:
             groups_shown=not study.blinded("operator"),
             flow=flow_of(study),
             left_out=omissions(study),
+            people=_people(study, entries),
             session_heads=HEADS,
             sessions=_sessions(study, states),
             adverse=rows(["adverse"], *who),
@@ -149,9 +168,7 @@ def study_page(study: StudyFolder) -> str:
 def _act(entry: LoggedEvent) -> str:
     # Neither a group nor the code that opens it.
     hidden = ("group", "code", "sealed", "sha256", "file")
-    told = ", ".join(f"{k} {_words(v)}" for k, v in entry.data.items() if k not in hidden and v)
+    shown = {k: v for k, v in entry.data.items() if k not in hidden}
+    texts = {k: " ".join(map(str, v)) if isinstance(v, list) else str(v) for k, v in shown.items()}
+    told = ", ".join(f"{k} {text}" for k, text in texts.items() if text)
     return f"{entry.kind}: {told}" if told else entry.kind
-
-
-def _words(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

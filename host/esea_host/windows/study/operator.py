@@ -94,8 +94,10 @@ class OperatorWindow(StopWindow):
         self.conductor, self.words, self.board = conductor, words, board
         self.stopper = StopSender(board) if board is not None else None
         study = conductor.study
-        self.group = study.group_shown(conductor.code, "operator")
-        self._blind = "operator" in study.protocol.file.blinded
+        # A rehearsal is nobody's: it has no group.
+        rehearsal = "rehearsal" in conductor.banner
+        self.group = "" if rehearsal else study.group_shown(conductor.code, "operator")
+        self._blind = study.blinded("operator")
         number, name = conductor.number + 1, conductor.plan.session_name
         who = words("operator.who", code=conductor.code, number=number, name=name)
         if self.group:
@@ -150,6 +152,7 @@ class OperatorWindow(StopWindow):
         self.trials.verticalHeader().setDefaultSectionSize(24)
         self.trials.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.trials.setSelectionMode(QTableWidget.SelectionMode.SingleSelection)
+        self.trials.setWordWrap(False)
         self.trials.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self._changing = [(QTableWidgetItem(), QTableWidgetItem()) for _ in plan.trials]
         for row, t in enumerate(plan.trials):
@@ -376,8 +379,9 @@ class OperatorWindow(StopWindow):
         super().set_theme(theme)
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
-        for part in (*self.gauges, self.adverse):
-            part.theme = theme
+        self.adverse.theme = theme
+        for bar in self.gauges:
+            bar.theme = theme
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:

@@ -1,0 +1,258 @@
+"""The observers typed a second time in NumPy, from the equations of docs/observers.md."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy import abs, clip, exp, tanh, where
+
+from esea_gen.observe.cable import cable_observer
+from esea_gen.observe.disturbance import (
+    drive_observer,
+    drive_observer_by_gear,
+    gear_observer,
+)
+from esea_gen.observe.extrapolation import parabola
+from esea_gen.observe.human import extended_state, lag_observer
+from esea_gen.observe.rates import motor_rate
+from tests.single_steps import COUNT, Steps, word
+
+H = 1e-3
+# Of elbow_drive.toml, typed again.
+N, J, FV, FC, WIDTH, TAU_C, U, JH, TAU = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.221, 0.22, 20
+D_MOST = N * U / J
+LOW, HIGH = -0.6 - 0.35, 3.0 + 0.35  # the joint's travel and a deflection
+
+
+def range_of(block, name: str) -> float:
+    (port,) = {p.name: p for p in (*block.state, *block.outputs) if p.name == name}.values()
+    assert port.low == -port.high
+    return port.high
+
+
+@pytest.mark.parametrize("which", [drive_observer, drive_observer_by_gear, gear_observer])
+def test_a_step_of_the_drives_disturbance(drive, which):
+    """(5.1), (5.2) and (5.5); by the motor's own encoder a tenth of the torque is lost."""
+    run = Steps(which(drive))
+    s, u = run.s, run.u
+    motor, gear = which is drive_observer, which is gear_observer
+    omega, loss = (u.omega_motor_rad_s, 0) if motor else (u.omega_gear_rad_s, 0 if gear else 0.1)
+    if gear:
+        share = 1 - math.exp(-20 * H)
+    else:
+        share = 1 - exp(-H * run.t.bandwidth_1_s)
+        np.testing.assert_allclose(run.c.share, share, atol=1e-12)
+        np.testing.assert_allclose(run.c.keep, 1 - share)
+        (bandwidth,) = run.block.tunables
+        # At most L T = 1/2, T the delay of a fourth-order Butterworth filter of 15 Hz, or a period.
+        delay_s = 2 * (math.cos(math.pi / 8) + math.cos(3 * math.pi / 8)) / (2 * math.pi * 15)
+        assert bandwidth.high == pytest.approx(0.5 / (delay_s if motor else H))
+    rubbed = FC + loss * abs(u.tau_Nm)
+    passive = -(FV * omega + rubbed * tanh(omega / WIDTH) + u.tau_Nm) / J
+    decay = math.exp(-H / TAU_C)
+    driven = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * (1 - decay) * TAU_C / H
+    seen = (omega - s.omega_last_rad_s) / H
+    model = N / J * driven + (passive + s.passive_rad_s2) / 2
+    moved = s.d4_rad_s2 + share * (seen - model - s.d4_rad_s2)
+    ready = run.ok & (s.primed != 0)
+    d4 = where(ready, clip(moved, -D_MOST, D_MOST), s.d4_rad_s2)
+    u_a = s.u_held_Nm + (s.u_a_Nm - s.u_held_Nm) * decay
+    beyond = abs(moved) > D_MOST
+    expected = {
+        "next_primed": run.ok,
+        "next_omega_last_rad_s": omega,
+        "next_passive_rad_s2": passive,
+        "next_u_held_Nm": u.u_Nm,
+        "next_u_a_Nm": u_a,
+        "next_d4_rad_s2": d4,
+        "y_d_gear_rad_s2" if gear else "y_d4_rad_s2": d4,
+    }
+    if motor:
+        expected["y_u_a_Nm"] = u_a
+    if gear:
+        lagged = s.a_rad_s2 + share * (seen - s.a_rad_s2)
+        beyond |= abs(lagged) > 4 * D_MOST
+        a = where(ready, clip(lagged, -4 * D_MOST, 4 * D_MOST), s.a_rad_s2)
+        moves = np.maximum(abs(a), s.moved_rad_s2 * math.exp(-H / 0.1))
+        expected |= {"next_a_rad_s2": a, "next_moved_rad_s2": moves, "y_moves_rad_s2": moves}
+        assert range_of(run.block, "a_rad_s2") == pytest.approx(4 * D_MOST)
+    run.compare(expected | {"y_status": word(~run.ok, ~run.whole, ready & beyond)})
+    # Every part of (5.2) at its largest together, at 12 rad/s and 20 Nm.
+    most = (N * U + FV * 12 + FC + TAU * (1 + loss)) / J
+    assert most < range_of(run.block, "passive_rad_s2") < 1.002 * most
+    assert range_of(run.block, "d4_rad_s2") == pytest.approx(D_MOST)
+
+
+def test_a_step_of_the_persons_torque_by_a_lag(drive):
+    """(5.10): a lag of bandwidth L behind J_h omega' - tau_e."""
+    run = Steps(lag_observer(drive))
+    s, u, share = run.s, run.u, 1 - exp(-H * run.t.bandwidth_1_s)
+    np.testing.assert_allclose(run.c.share, share, atol=1e-12)
+    left = JH * (u.omega_load_rad_s - s.omega_last_rad_s) / H - (u.tau_Nm + s.tau_last_Nm) / 2
+    moved = (1 - share) * s.tau_h_Nm + share * left
+    ready = run.ok & (s.primed != 0)
+    tau_h = where(ready, clip(moved, -20, 20), s.tau_h_Nm)
+    run.compare(
+        {
+            "next_primed": run.ok,
+            "next_omega_last_rad_s": u.omega_load_rad_s,
+            "next_tau_last_Nm": u.tau_Nm,
+            "next_tau_h_Nm": tau_h,
+            "y_tau_h_Nm": tau_h,
+            "y_status": word(~run.ok, ~run.whole, ready & (abs(moved) > 20)),
+        }
+    )
+
+
+def test_a_step_of_the_extended_state_observer(drive):
+    """[eso 1] to [eso 9], and how far a prediction without samples may go."""
+    run = Steps(extended_state(drive))
+    s, u, decay_s = run.s, run.u, run.t.decay_s
+    assert (run.block.tunables[0].low, run.block.tunables[0].high) == pytest.approx((0.06, 1.5))
+    rate_most = 2 * 20 / 0.06
+    np.testing.assert_allclose(run.c.keep, exp(-H / decay_s))
+    np.testing.assert_allclose(run.c.reach_s, decay_s * (1 - exp(-H / decay_s)))
+    expected_angle = where(s.primed != 0, s.theta_rad, u.theta_load_rad)
+    nu = where(run.ok, u.theta_load_rad - expected_angle, 0)
+    theta = expected_angle + 0.179 * nu
+    raw = s.omega_rad_s + 17.7 * nu, s.tau_h_Nm + 209 * nu, s.rate_Nm_s + 3234 * nu
+    most = 12, 20, rate_most
+    omega, tau_h, rate = (clip(x, -m, m) for x, m in zip(raw, most, strict=True))
+    gained = H * (u.tau_Nm + tau_h) / JH
+    ahead, omega_next = theta + H * (omega + gained / 2), omega + gained
+    # Room beyond the range: what a step at the largest rate and torque adds over gain_theta.
+    moved = H * (12 + 0.5 * H * (20 + 20) / JH)
+    room = 1.01 * moved / 0.179
+    low, high = LOW - room, HIGH + room
+    above, below = ahead > high, ahead < low
+    omega_next = where(above, np.minimum(omega_next, 0), omega_next)
+    omega_next = where(below, np.maximum(omega_next, 0), omega_next)
+    start = (s.primed != 0) | run.ok
+    clipped = [abs(x) > m for x, m in zip(raw, most, strict=True)]
+    run.compare(
+        {
+            "next_primed": start,
+            "next_theta_rad": clip(ahead, low, high),
+            "next_omega_rad_s": where(start, omega_next, 0),
+            "next_tau_h_Nm": where(start, tau_h + run.c.reach_s * rate, 0),
+            "next_rate_Nm_s": where(start, run.c.keep * rate, 0),
+            "next_tau_last_Nm": u.tau_Nm,
+            "y_tau_h_Nm": tau_h,
+            "y_tau_h_rate_Nm_s": rate,
+            "y_omega_load_rad_s": omega,
+            "y_theta_load_est_rad": theta,
+            "y_status": word(~run.ok, ~run.whole, *clipped, above | below),
+        },
+        near=np.minimum(abs(ahead - low), abs(ahead - high)) < 1e-6,
+    )
+    most_gain = H * 40 / JH
+    assert 12 + most_gain < range_of(run.block, "omega_rad_s") < 1.0011 * (12 + most_gain)
+    # Both the state and the output have this name: a step's growth is the state's room.
+    (tau_room,) = [p.high for p in run.block.state if p.name == "tau_h_Nm"]
+    assert tau_room == pytest.approx(1.001 * (20 + H * rate_most))
+
+
+def test_a_step_of_the_rates_filter(drive):
+    """Two trapezoidal state-variable sections at Butterworth's dampings; the difference first."""
+    run = Steps(motor_rate(drive))
+    s, u = run.s, run.u
+    g = np.tan(np.pi * H * run.t.cutoff_Hz)
+    raw = where(s.primed != 0, (u.theta_rad - s.theta_last_rad) / H, s.omega_held_rad_s)
+    reach = 0.05 * (HIGH - LOW) / H
+    value, following = clip(raw, -reach, reach), []
+    for state, angle in ((s.first_rad_s, np.pi / 8), (s.second_rad_s, 3 * np.pi / 8)):
+        k = 2 * np.cos(angle)
+        band = (state[0] + g * (value - state[1])) / (1 + g * (g + k))
+        value = state[1] + g * band
+        following.append(np.array([2 * band - state[0], 2 * value - state[1]]))
+    held = where(run.ok, value, s.omega_held_rad_s)
+    run.compare(
+        {
+            "next_primed": run.ok,
+            "next_theta_last_rad": u.theta_rad,
+            "next_omega_held_rad_s": held,
+            "next_first_rad_s": where(run.ok, following[0], s.first_rad_s),
+            "next_second_rad_s": where(run.ok, following[1], s.second_rad_s),
+            "y_omega_rad_s": clip(held, -12, 12),
+            "y_status": word(~run.ok, ~run.whole, run.ok & (abs(raw) > reach), abs(held) > 12),
+        }
+    )
+
+
+def test_a_step_of_the_cables_gap(drive):
+    """[cable 1] to [cable 5], decided by torque, by what was shown, and by where the gear is."""
+
+    def together(s, u, rng):
+        # A gear that has turned as far as the motor side, but for the gap's ends, and a mean.
+        s["low_rad"][:] = rng.uniform(-0.03, 0.02, COUNT)
+        s["high_rad"][:] = s["low_rad"] + rng.uniform(0, 0.03, COUNT)
+        u["theta_gear_rad"][:] = u["theta_motor_rad"] + rng.uniform(-0.06, 0.06, COUNT)
+        u["tau_Nm"][:] = rng.choice([0.1, 1.0, 4.0], COUNT) * rng.uniform(-1, 1, COUNT)
+        s["mean_rad"][:] = u["theta_gear_rad"] - u["theta_motor_rad"] + rng.normal(0, 0.02, COUNT)
+        s["mean_Nm"][:] = u["tau_Nm"] + rng.uniform(-2, 2, COUNT)
+
+    run = Steps(cable_observer(drive), together=together)
+    s, u = run.s, run.u
+    ok = run.ok & (u.motor_usable >= 0.5) & (u.gear_usable >= 0.5)
+    turned, carried = u.theta_gear_rad - u.theta_motor_rad, u.tau_Nm * s.give_rad_Nm
+    seen, was = turned - carried, s.primed != 0
+    high, low = where(was, s.high_rad, seen + 0.003), where(was, s.low_rad, seen - 0.003)
+    pulls, pushes = u.tau_Nm > 0.2, u.tau_Nm < -0.2
+    share = 1 - math.exp(-20 * H)
+    lies = where(pulls, high, where(pushes, low, clip(seen, low, high)))
+    off = share * (seen - lies)
+    at_high, at_low = pulls | (~pushes & (seen > high)), pushes | (~pulls & (seen < low))
+    up, down = s.high_shown > 0.5, s.low_shown > 0.5
+    new_high = high + where(at_high | (at_low & ~up), off, 0)
+    new_low = low + where(at_low | (at_high & ~down), off, 0)
+    # The gap is 0 to 30 mrad; the end that was moved stays.
+    kept_low = where(at_low, new_low, clip(new_low, new_high - 0.03, new_high))
+    kept_high = where(at_low, clip(new_high, new_low, new_low + 0.03), new_high)
+    between = where(pushes, kept_low, clip(seen, kept_low, kept_high))
+    wound = where(pulls, kept_high, between) - (kept_high + kept_low) / 2
+    closed = u.mode > 1.5
+    taut = ok & (pulls | pushes)
+    on = taut & (s.taut != 0)
+    change = clip(where(on, u.tau_Nm - s.mean_Nm, 0), -1, 1)
+    missed = clip(where(on, turned - s.mean_rad, 0), -0.03, 0.03) - s.give_rad_Nm * change
+    give = clip(s.give_rad_Nm + 0.2 * share * missed * change, 0, 1 / 80)
+    slow = 1 - math.exp(-0.25 * 20 * H)
+    gap = where(closed, 0, where(ok, np.minimum(kept_high - kept_low, 0.03), 0.006))
+    run.compare(
+        {
+            "next_primed": ok,
+            "next_high_rad": where(ok, kept_high, s.high_rad),
+            "next_low_rad": where(ok, kept_low, s.low_rad),
+            "next_high_shown": ok & ((was & up) | pulls),
+            "next_low_shown": ok & ((was & down) | pushes),
+            "next_taut": taut,
+            "next_mean_rad": where(on, s.mean_rad + slow * (turned - s.mean_rad), turned),
+            "next_mean_Nm": where(on, s.mean_Nm + slow * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
+            "next_give_rad_Nm": give,
+            "y_wound_rad": where(ok & ~closed, wound, 0) + carried,
+            "y_give_rad_Nm": give,
+            "y_gap_rad": gap,
+            "y_status": word(~run.ok, ~run.whole, ~ok),
+        }
+    )
+
+
+def test_a_step_of_the_parabola(drive):
+    """Least squares through 11 values 50 ms apart: NumPy's polynomial fit, at the newest."""
+    run = Steps(parabola(drive))
+    s, u, past = run.s, run.u, [run.s.last_Nm, *run.s.past_Nm]
+    kept = np.array([u.tau_h_Nm, *(where(s.primed != 0, x, u.tau_h_Nm) for x in past)])
+    curve, rate, now = np.polyfit(-0.05 * np.arange(11), kept[::10], 2)
+    run.compare(
+        {
+            "next_primed": (s.primed != 0) | run.ok,
+            "next_last_Nm": kept[0],
+            "next_past_Nm": kept[1:-1],
+            "y_tau_h_fit_Nm": clip(now, -20, 20),
+            "y_tau_h_rate_Nm_s": rate,
+            "y_tau_h_curve_Nm_s2": 2 * curve,
+            "y_status": word(~run.ok, ~run.whole, abs(now) > 20),
+        }
+    )
