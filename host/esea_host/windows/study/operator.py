@@ -297,6 +297,7 @@ class OperatorWindow(StopWindow):
         for name, button in self.buttons.items():
             button.setEnabled(c.phase != OVER or name == "open")
         self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
+        self.adverse.look()
 
     def _word(self) -> str:
         c, words = self.conductor, self.words
