@@ -268,7 +268,7 @@ def replay_command(
 
     study = opened(folder, trust)
     path = study.log_of(code, session - 1)
-    if not path.exists():
+    if not study.begun(code, session - 1):
         raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
     sources: dict[str, BoardInputs | None] = {"log": None}
     if any(path.parent.glob("device-*.mcap")):
