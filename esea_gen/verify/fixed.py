@@ -16,13 +16,13 @@ from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
-    FieldPlan,
     coefficients_raw,
     defined,
     lowered_values,
     raw_places,
     run_lowered,
 )
+from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.spans import COMPARES, RangeError
 from esea_gen.emit.step_errors import BEYOND, Bound
@@ -45,7 +45,7 @@ Raw = np.ndarray[Any, np.dtype[Any]]
 def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict[str, Raw]:
     out = {}
     for f, r in zip(fields, results, strict=True):
-        word = bool(getattr(f.port, "flags", ()))
+        word = f.word
         table = np.stack([np.asarray(e, dtype=np.int64) for e in r], axis=1)
         column = table.astype(np.uint32 if word else np.int32)
         out[f.port.name] = column[:, 0] if f.size == 1 else column
@@ -273,7 +273,7 @@ def compare_fixed(
     for group, expected, raw in (("out", expected_y, raw_y), ("state", expected_s, raw_s)):
         for f in plan.fields[group]:
             name = f.port.name
-            if getattr(f.port, "flags", ()):
+            if f.word:
                 got[name] = raw[name]
                 continue
             value = from_raw(raw[name], f.fraction)

@@ -25,6 +25,7 @@ from esea_host.study.protocol import Protocol, ProtocolFile
 from esea_host.study.report import study_page
 from esea_host.study.session import read_session
 from esea_host.study.source import SimulatedSource
+from tests.browser import browser, readable
 from tests.conducted import changed
 
 PLACES = 6000
@@ -128,8 +129,8 @@ class RealPerson(SimulatedSource):
 
 def created(folder: Path, protocol: Protocol, people: int, by: str = "Olga Operator"):
     study = StudyFolder.create(folder, protocol, simulated=False, durable=False, by=by)
-    codes = [f"P{k:02d}" for k in range(1, people + 1)]
-    study.enrol_all(codes, True, "2.1", "", "Carl Consent")
+    if codes := [f"P{k:02d}" for k in range(1, people + 1)]:
+        study.enrol(codes, True, "2.1", "", "Carl Consent")
     third = StudyFolder.open(folder, durable=False, by="Tina Third")
     third.allocate(folder.parent / "list.csv", 40)
     return study
@@ -196,6 +197,23 @@ def test_a_place_is_opened_by_its_code_alone_and_once(tmp_path):
     (study.path / "allocation-1.json").write_text(text.replace("0", "1", 1))
     with pytest.raises(UserError, match="not what study allocate wrote"):
         study.disclose("P03", codes[2])
+    assert [p for p in study.problems() if "allocation-1.json is not what" in p]
+
+
+def test_each_stratum_is_opened_in_its_own_order(tmp_path):
+    text = '[allocation.strata]\nsex = ["f", "m"]\n[stopping]'
+    study = created(tmp_path / "s", changed("[stopping]", text), 0)
+    words = ["study", "enrol", str(study.path), "P01", "--consent", "--operator", "Olga Operator"]
+    done = CliRunner().invoke(app, [*words, "--form", "1"])
+    assert "sex: f or m" in str(done.exception)
+    done = CliRunner().invoke(app, [*words, "--form", "1", "--stratum", "sex=f"])
+    assert done.exit_code == 0, str(done.exception)
+    study.enrol("P02", True, "1", strata=["sex=m"])
+    study.enrol("P03", True, "1", strata=["sex=f"])
+    for code, words in (("P01", "place 1"), ("P02", "place 1"), ("P03", "place 2")):
+        assert words in study.disclose(code, str(tmp_path / "list.csv"))
+    strata = [e.data["stratum"] for e in study.trail() if e.kind == "disclose"]
+    assert strata == ["sex=f", "sex=m", "sex=f"]
 
 
 def test_the_seed_makes_the_list_again_and_its_seals_show_no_group(tmp_path):
@@ -316,6 +334,12 @@ def test_past_allocations_and_exports_do_not_predict_the_next(tmp_path):
     assert len(set(seals)) == 40
     by_seed = [group_of(study.protocol, k) for k in range(19)]
     assert by_seed != [d["group"] for d in told]
+
+
+@pytest.mark.ci
+def test_the_report_is_whole_on_a_telephone(blinded, tmp_path):
+    with browser(tmp_path / "profile") as b:
+        readable(b, study_page(blinded), tmp_path)
 
 
 # -- privacy ---------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def blinded(protocol: Protocol) -> Protocol:
 def studied(folder: Path, protocol: Protocol, task: str, row) -> StudyFolder:
     """A study whose logs hold these rows for every trial of a task."""
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
-    study.enrol_all([f"P{k:02d}" for k in range(1, PEOPLE + 1)], True)
+    study.enrol([f"P{k:02d}" for k in range(1, PEOPLE + 1)], True)
     for k, code in enumerate(study.participants()):
         for number in (0, 1):
             plan = build_plan(protocol, k, number, study.group(code))

@@ -137,7 +137,7 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
     session.run()
     assert session.state.states[1] == FAILED
     assert (
-        "impairment of flexion and deviation has not been switched on" in session.state.reasons[1]
+        "impairment of flexion and deviation has not changed over" in session.state.reasons[1]
     )
     assert logged(session, "frames") == []
 

@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.tables import FileTable, read_table
-from esea_gen.tables.form import listed
+from esea_gen.tables.table import listed
 from esea_host.interaction.metrics import Metric
 from esea_host.interaction.recordings import Array, is_simulated
 from esea_host.recording.export import SIMULATED, longest_run, says_simulated

@@ -51,7 +51,7 @@ def strata_of(file: ProtocolFile) -> list[str]:
 
 def stratum_named(file: ProtocolFile, given: Sequence[str]) -> str:
     """The stratum of ``factor=level`` words, in whatever order."""
-    wanted = sorted(word.strip() for text in given for word in text.split(","))
+    wanted = sorted(filter(None, (w.strip() for text in given for w in text.split(","))))
     for stratum in strata_of(file):
         if sorted(filter(None, stratum.split(","))) == wanted:
             return stratum
@@ -132,7 +132,7 @@ class Allocations:
     """
 
     def __init__(
-        self, folder: Path, protocol: Protocol, trail: Sequence[LoggedEvent], key: bytes
+        self, folder: Path, protocol: Protocol, trail: Sequence[LoggedEvent], key: bytes = b""
     ) -> None:
         self.folder, self.protocol, self.trail, self.key = folder, protocol, trail, key
         self.lists = [e for e in trail if e.kind == "allocate"]
@@ -199,22 +199,28 @@ class Allocations:
             "reason": reason,
         }
 
-    def _commitments(self, stratum: str) -> list[str]:
-        found: list[str] = []
-        for made in (e.data for e in self.lists):
-            path = self.folder / str(made["file"])
-            text = read_text(path, "Restore the file from a copy.")
-            if hashlib.sha256(text.encode()).hexdigest() != made["sha256"]:
-                raise UserError(
-                    f"{path} is not what study allocate wrote.", "Restore the file from a copy."
-                )
-            found += json.loads(text)[stratum]
+    def _seals(self, made: LoggedEvent) -> dict[str, list[str]]:
+        path, fix = self.folder / str(made.data["file"]), "Restore the file from a copy."
+        text = read_text(path, fix)
+        if hashlib.sha256(text.encode()).hexdigest() != made.data["sha256"]:
+            raise UserError(f"{path} is not what study allocate wrote.", fix)
+        return dict(json.loads(text))
+
+    def problems(self) -> list[str]:
+        """Lists of seals that are not what was written."""
+        found = []
+        for made in self.lists:
+            try:
+                self._seals(made)
+            except UserError as error:
+                found.append(error.what.rstrip("."))
         return found
 
     def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:
         """Open the next place of the participant's stratum, by its code or the sealed list."""
         stratum = self._strata[code]
-        place, committed = self.next_place(stratum), self._commitments(stratum)
+        place = self.next_place(stratum)
+        committed = [seal for made in self.lists for seal in self._seals(made)[stratum]]
         if not self.lists:
             raise UserError(
                 "The study has no list of allocations, so nobody has a group.",

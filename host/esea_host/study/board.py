@@ -344,11 +344,11 @@ class BoardSource(InputSource):
             passed_s = (self.board_ns - begun_ns) * 1e-9
             axes = " and ".join(waiting)
             if passed_s > SWITCH_S:
-                what = f"has not been switched {'on' if wanted else 'off'} within {SWITCH_S:g} s"
+                what = f"has not changed over within {SWITCH_S:g} s"  # which way: not to a blinded
                 fix = "Let the joint rest, outside the wall, and repeat the trial."
                 raise UserError(f"The impairment of {axes} {what}.", fix)
             if passed_s > SETTLE_S:
-                self.waits(keyed("advice.switch_on" if wanted else "advice.switch_off", axes=axes))
+                self.waits(keyed("advice.switch", axes=axes))
             if self.ask():
                 return
             self.want({})

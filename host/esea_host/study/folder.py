@@ -179,6 +179,7 @@ class StudyFolder:
                 heads[d["participant"], d["session"]] = d["head"]
             elif kind == "repair":  # its end may be in the part that was moved aside
                 heads.pop((d.get("participant", ""), d.get("session", 0)), None)
+        found += Allocations(self.path, self.protocol, self.trail(strict=False)).problems()
         gone = self._with("delete")
         for code, session, path in self.sessions(every=True):
             log = read_log(path)
@@ -211,28 +212,18 @@ class StudyFolder:
 
     def enrol(
         self,
-        code: str,
+        codes: str | Sequence[str],
         consent: bool,
         form: str = "",
         date: str = "",
         obtained_by: str = "",
         strata: Sequence[str] = (),
     ) -> None:
-        """Take a participant in; of the consent: the form's version, its date, who obtained it.
+        """Take participants in; of the consent: the form's version, its date, who obtained it.
 
         strata: ``factor=level`` words of the allocation.
         """
-        self.enrol_all([code], consent, form, date, obtained_by, strata)
-
-    def enrol_all(
-        self,
-        codes: Sequence[str],
-        consent: bool,
-        form: str = "",
-        date: str = "",
-        obtained_by: str = "",
-        strata: Sequence[str] = (),
-    ) -> None:
+        codes = [codes] if isinstance(codes, str) else codes
         stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
             if not CODE.match(code):
