@@ -349,6 +349,9 @@ def test_the_group_is_not_shown_where_the_protocol_says_so(begin, windows):
     ]
     labels = [w.text() for w in (operator.who, operator.state, operator.now, operator.coming)]
     assert "hidden" in cells
+    # Its size is the condition's: the participant sees it, and the operator does not.
+    assert conductor.screen().scene.shapes
+    assert operator.scene.scene.shapes == ()
     for word in ("near", "narrow", "group A", "group B"):
         assert not any(word in text for text in (*cells, *labels))
 
