@@ -13,8 +13,13 @@ import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.interaction.from_board import cut_trials, paused_at
-from esea_host.interaction.recordings import is_simulated, read_angle, write_recording
+from esea_host.interaction.recordings import (
+    cut_trials,
+    is_simulated,
+    paused_at,
+    read_angle,
+    write_recording,
+)
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import serve_hosts
 from esea_host.study.board import WORKING, BoardSource
