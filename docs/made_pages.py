@@ -46,7 +46,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Host: boards and recordings",
         (
             *(f"esea_host.connection.{m}" for m in ("device", "asynchronous")),
-            *(f"esea_host.recording.{m}" for m in ("log", "clock", "writer", "export")),
+            *(f"esea_host.recording.{m}" for m in ("log", "clock")),
         ),
     ),
     "metrics": (

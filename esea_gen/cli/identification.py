@@ -254,7 +254,7 @@ def uncertainty(
     figure: options.FigureOption = None,
 ) -> None:
     """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
-    from esea_gen.studies.uncertainty.spread import identified_spread
+    from esea_gen.studies.uncertainty.motions import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
     loaded = esea_gen.load_device(device)

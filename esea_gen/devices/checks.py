@@ -206,17 +206,6 @@ def _check_texts(file: DeviceFile) -> Iterator[UserError]:
 
 def _check_relations(file: DeviceFile) -> Iterator[UserError]:
     values = {k: q for k, q, _ in numbers_of(file) if isinstance(q, Quantity)}
-    for inner, outer in (
-        ("domain.theta_max_rad", "limits.theta_rad"),
-        ("domain.omega_max_rad_s", "limits.omega_rad_s"),
-        ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
-    ):
-        if values[inner].value > values[outer].value:
-            yield UserError(
-                f"{inner} = {values[inner].value:g} is above {outer} = "
-                f"{values[outer].value:g}: the identified domain must lie inside the port's range.",
-                f"Raise {outer} or lower {inner}.",
-            )
     rate = values["timing.sense_rate_Hz"].value
     period = round(1e6 / rate)
     if abs(1e6 / rate - period) > WHOLE_PERIOD * period:
@@ -254,6 +243,9 @@ NEEDS = {
 }
 # Numbers of which the first may not be above the second.
 ORDERED = (
+    ("domain.theta_max_rad", "limits.theta_rad"),
+    ("domain.omega_max_rad_s", "limits.omega_rad_s"),
+    ("domain.tau_full_scale_Nm", "limits.tau_Nm"),
     ("joint.theta_min_rad", "joint.theta_max_rad"),
     ("safety.rom_min_rad", "safety.rom_max_rad"),
     ("safety.u_max_Nm", "actuator.u_max_Nm"),

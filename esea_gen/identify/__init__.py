@@ -4,10 +4,8 @@ from esea_gen.identify.identification import Identification, identify
 from esea_gen.identify.recording.cycles import Cycle, DataSet
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping, parse_mapping
 from esea_gen.identify.recording.reading import (
-    Replay,
     load_recordings,
     recorded_deflections,
-    recordings_for,
 )
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.tables import Mapping
@@ -20,7 +18,6 @@ __all__ = [
     "Mapping",
     "MappingFile",
     "Recording",
-    "Replay",
     "Verdict",
     "identify",
     "judge",
@@ -28,5 +25,4 @@ __all__ = [
     "load_recordings",
     "parse_mapping",
     "recorded_deflections",
-    "recordings_for",
 ]

@@ -77,6 +77,8 @@ def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -
     return tuple(notes)
 
 
+# Of a data set, beside its errors.
+KEPT = "label", "amplitude_rad", "asymmetry", "work_first_J", "work_last_J", "softening"
 MARK = "# Written by esea-gen identify."
 
 
@@ -114,16 +116,7 @@ class Identified:
 
     def errors(self, verdict: Verdict) -> dict[str, Any]:
         sets = [
-            {
-                "label": s.label,
-                "amplitude_rad": s.amplitude_rad,
-                "cycles": dict(sorted(s.cycles.items())),
-                **errors,
-                "asymmetry": s.asymmetry,
-                "work_first_J": s.work_first_J,
-                "work_last_J": s.work_last_J,
-                "softening": s.softening,
-            }
+            {k: getattr(s, k) for k in KEPT} | {"cycles": dict(sorted(s.cycles.items()))} | errors
             for s, errors in verdict.misfits.rows(self.full_scale_Nm)
         ]
         return {"sets": sets, "mean_rms": verdict.misfits.means(self.full_scale_Nm)}

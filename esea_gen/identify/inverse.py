@@ -222,13 +222,8 @@ class InverseFit:
         parameters = {}
         for key, value in self.values.items():
             low, high = play_bounds(key)
-            parameters[key] = {
-                "value": value,
-                "sigma": self.sigma[key],
-                "low": low,
-                "high": high,
-                "published": PLAY_DEFAULTS[key],
-            }
+            parameters[key] = {"value": value, "sigma": self.sigma[key], "low": low, "high": high}
+            parameters[key]["published"] = PLAY_DEFAULTS[key]
         return {
             "parameters": parameters,
             "correlation": self.correlation,
@@ -239,9 +234,7 @@ class InverseFit:
             "mean_rms_published": self.published.means(full),
             "search": {
                 "fitness": "mean over data sets of the mean square deflection error (4.14)",
-                "seed": self.seed,
-                "population": self.population,
-                "evaluations": self.evaluations,
+                **{k: getattr(self, k) for k in ("seed", "population", "evaluations")},
                 "runner_up": self.runner_up if math.isfinite(self.runner_up) else None,
             },
             "notes": list(self.notes),

@@ -9,7 +9,13 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify import MappingFile, Recording, load_mapping, load_recordings, recordings_for
+from esea_gen.identify import (
+    MappingFile,
+    Recording,
+    load_mapping,
+    load_recordings,
+    recorded_deflections,
+)
 from esea_gen.identify.recording.recorded import Misfits
 from esea_gen.identify.verdict import temperature_tunables
 from esea_gen.language.block import Block
@@ -40,9 +46,11 @@ def deflect(
     if recording is None:
         return (_run(device, CHIRP, domain_chirp(device), None, say),), None
     source = load_mapping(recording, data)
-    # The replay is what every other command runs; the recording knows its data sets.
-    pairs = zip(recordings_for(device, recording, data), load_recordings(source), strict=True)
-    return tuple(_run(device, r.label, single(r.theta_rad), raw, say) for r, raw in pairs), source
+    # The deflections are what every other command runs; the recording knows its data sets.
+    deflections = recorded_deflections(device, recording, data)
+    recorded = load_recordings(source)
+    runs = (_run(device, r.label, single(deflections[r.label]), r, say) for r in recorded)
+    return tuple(runs), source
 
 
 def _run(

@@ -161,17 +161,10 @@ class VerdictOn:
             | {"off": self.off.get(n)}
             for n in dict.fromkeys([*p.published, *self.ours])
         ]
-        return {
-            "id": p.id,
-            "chapter": p.chapter,
-            "title": p.title,
-            "verdict": self.verdict,
-            "why": self.why,
-            "unit": p.unit,
-            "rows": rows,
-            "simulated": p.simulated and bool(self.ours),
-            "command": p.command,
-        }
+        printed = {k: getattr(p, k) for k in ("id", "chapter", "title", "unit", "command")}
+        simulated = p.simulated and bool(self.ours)
+        own = {"verdict": self.verdict, "why": self.why, "rows": rows, "simulated": simulated}
+        return printed | own
 
 
 @cache

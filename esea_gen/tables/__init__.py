@@ -9,8 +9,7 @@ A table is read completely or refused; whatever is left out is counted and repor
 Rows without a time are refused by ``numbers``, or left out and counted by ``table.timed("t")``.
 """
 
-from esea_gen.tables.form import TableFormat, numbered
 from esea_gen.tables.reader import read_table
-from esea_gen.tables.table import FileTable
+from esea_gen.tables.table import FileTable, TableFormat, numbered
 
 __all__ = ["FileTable", "TableFormat", "numbered", "read_table"]

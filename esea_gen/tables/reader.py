@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from esea_gen.errors import UserError
-from esea_gen.tables.form import Kind, TableFormat
 from esea_gen.tables.structured import read_hdf5, read_json, read_mat, read_parquet, table_of
-from esea_gen.tables.table import FileTable
+from esea_gen.tables.table import FileTable, Kind, TableFormat
 from esea_gen.tables.text import TextReader, decoded
 
 MOST_BYTES = 512 * 2**20

@@ -18,8 +18,14 @@ import numpy as np
 import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError, from_extra
-from esea_gen.tables.form import TableFormat, check_unique, listed, missing_column, shortened
-from esea_gen.tables.table import FileTable
+from esea_gen.tables.table import (
+    FileTable,
+    TableFormat,
+    check_unique,
+    listed,
+    missing_column,
+    shortened,
+)
 
 DEEPEST = 8  # levels of structs and groups
 MOST_NAMES = 10_000  # variables or data sets of a file

@@ -17,7 +17,12 @@ from itertools import chain, islice
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.tables.form import (
+from esea_gen.tables.table import (
+    COMMA,
+    GROUPED,
+    NOT_FINITE,
+    POINT,
+    FileTable,
     TableFormat,
     check_unique,
     listed,
@@ -26,7 +31,6 @@ from esea_gen.tables.form import (
     remedy,
     shortened,
 )
-from esea_gen.tables.table import COMMA, GROUPED, NOT_FINITE, POINT, FileTable
 
 MARKS = {  # The longer ones first: UTF-32 begins as UTF-16 does.
     codecs.BOM_UTF32_LE: "utf-32",

@@ -154,6 +154,7 @@ def test_impedance_per_angle_and_its_phase_per_rate():
     assert list(below.get_yticks()) == [-180, -90, 0, 90, 180]
     assert words(above)["y"] == "torque per angle,\nN·m/rad"
     assert words(below)["x"] == "frequency, Hz (grey: passive)"
+    assert below.get_xlim() == (0.2, 5.0)
     table = found.table(5, 0.2, 5.0)
     assert table[-5] == "fit from 0.2 to 5 Hz, torque that the moving needs:"
     assert table[-1].endswith("above 0.2: not one mass, damper and spring")

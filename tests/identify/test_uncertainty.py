@@ -19,12 +19,14 @@ from esea_gen.identify.published.plant import uncertainty as identified
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.studies.uncertainty import motions as room
-from esea_gen.studies.uncertainty.motions import Encoders, continuous_torque, motions
-from esea_gen.studies.uncertainty.spread import (
+from esea_gen.studies.uncertainty.motions import (
+    Encoders,
     Spread,
     assumed_spread,
+    continuous_torque,
     elastomer_values,
     identified_spread,
+    motions,
 )
 from esea_gen.studies.uncertainty.study import (
     NONLINEARITY,

@@ -16,6 +16,7 @@ from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.exchange import to_rows
+from esea_host.study.fitting import uses_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
@@ -240,6 +241,18 @@ def test_what_a_task_returns_wrongly_fails_its_trial(study, kind, monkeypatch, w
 
 
 @pytest.mark.parametrize(
+    "part", [lambda *_: 1 / 0, lambda *_: None, lambda *_: {"x": np.nan}, lambda *_: np.inf]
+)
+def test_a_task_that_does_not_say_what_it_needs_is_told(kind, monkeypatch, protocol, part):
+    monkeypatch.setattr(kind, "longest_s", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        explain(protocol)
+    monkeypatch.setattr(kind, "conditions", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        uses_of(protocol)
+
+
+@pytest.mark.parametrize(
     "answer",
     [(0.02, {"theta_deg": "1"}), (0.02, {"theta_deg": np.nan}), (np.nan, {}), (None, {}), (1, 2)],
 )
@@ -393,6 +406,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "11 rows" in told
     assert "1 participants" in call("export", folder, "--check")
     assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
+    assert "no more sessions" in call("withdraw", folder, "P01")
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 

@@ -59,7 +59,7 @@ def ended(child: int) -> int:
 
 
 def any_command(rng: np.random.Generator, folder: Path, out: Path) -> list[str]:
-    code, trial = f"P{rng.integers(1, 6):02d}", str(rng.integers(1, 13))
+    code, trial = f"P{rng.integers(1, 4):02d}", str(rng.integers(1, 13))
     return [
         ["run", str(folder), code, "--headless"],
         ["resume", str(folder), code, "--headless"],

@@ -69,16 +69,11 @@ class EncoderTable:
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        return {
-            "side": self.side,
-            "direction": self.direction,
-            "zero_rad": self.zero_rad,
+        same = ("side", "direction", "zero_rad", "before_rad", "after_rad", "samples")
+        return {k: getattr(self, k) for k in same} | {
             "correction_rad": self.filled(),
             "nodes": [None if v is None else v.to_dict("rad") for v in self.values],
             "play": None if self.play_rad is None else self.play_rad.to_dict("rad"),
-            "before_rad": self.before_rad,
-            "after_rad": self.after_rad,
-            "samples": self.samples,
         }
 
 

@@ -38,17 +38,10 @@ def training_sets(recordings: Iterable[Recording]) -> list[tuple[Recording, Data
 
 
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
+    same = ("label", "file", "dropped", "timed", "temperature_C")
     return [
-        {
-            "label": r.label,
-            "file": r.file,
-            "sha256": r.digest,
-            "samples": len(r.time_s),
-            "dropped": r.dropped,
-            "timed": r.timed,
-            "duration_s": float(r.time_s[-1]),
-            "temperature_C": r.temperature_C,
-        }
+        {k: getattr(r, k) for k in same}
+        | {"sha256": r.digest, "samples": len(r.time_s), "duration_s": float(r.time_s[-1])}
         for r in recordings
     ]
 

@@ -22,10 +22,12 @@ from esea_gen.studies.uncertainty.motions import (
     TORQUES,
     Encoders,
     Motion,
+    Spread,
+    assumed_spread,
     compiled_programs,
+    elastomer_values,
     motions,
 )
-from esea_gen.studies.uncertainty.spread import Spread, assumed_spread, elastomer_values
 
 GROUPS = 10
 # Errors are counted in classes 0.9 % wide above a ten thousandth of full scale.
