@@ -294,5 +294,5 @@ def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
     columns = [s.term(x) for x in (s.alpha_rad_s2, s.omega_rad_s, s.way)]
     terms = np.column_stack([*columns, np.ones(len(s.used))])
     fit = fit_linear(terms, turning, s.blocks)
-    fv, fc = (Estimate.of(fit.values[k], fit.deviation(k), fit.blocks) for k in (1, 2))
+    fv, fc = fit.estimates()[1:3]
     return TurnedFriction(fc, fv, s.used * r.tick_s, turning, terms @ fit.values)
