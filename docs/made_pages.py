@@ -31,7 +31,6 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Blocks, Systems, devices",
         ("language.ports", "language.block", "language.system", "device", "control.law", "errors"),
     ),
-    "c": ("Loading C", ("hostlib.library",)),
     "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",
@@ -47,7 +46,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Host: boards and recordings",
         (
             *(f"esea_host.connection.{m}" for m in ("device", "asynchronous")),
-            *(f"esea_host.recording.{m}" for m in ("log", "clock", "writer", "export")),
+            *(f"esea_host.recording.{m}" for m in ("log", "clock")),
         ),
     ),
     "metrics": (

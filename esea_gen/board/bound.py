@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from esea_gen.emit.program_c import LoopBound
-from esea_gen.hostlib.compiler import run_tool
+from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.targets import ARM_GCC
 
 _CONDITIONS = "eq|ne|cs|hs|cc|lo|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
 _BRANCH = re.compile(rf"b({_CONDITIONS})?(\.n|\.w)?$")
@@ -56,12 +58,11 @@ class InstructionBound:
 
     instructions: int
     by_function: dict[str, tuple[int, int]]
-    stack_bytes: int
 
 
-def disassemble(elf: Path, objdump: str = "arm-none-eabi-objdump") -> dict[str, list[Instruction]]:
+def disassemble(elf: Path) -> dict[str, list[Instruction]]:
     """Every function of a linked program."""
-    command = [objdump, "-dl", "--no-show-raw-insn", elf]
+    command = [find_compiler(*ARM_GCC.tool("objdump")), "-dl", "--no-show-raw-insn", elf]
     said = run_tool(command, failed="the disassembler failed").stdout
     functions: dict[str, list[Instruction]] = {}
     code: list[Instruction] = []
@@ -236,17 +237,9 @@ def _attribute(
     return found
 
 
-def step_bound(
-    elf: Path,
-    function: str,
-    source: str,
-    ranges: Mapping[str, tuple[int, int]],
-    loops: Sequence[LoopBound],
-    objdump: str = "arm-none-eabi-objdump",
-    elsewhere: Mapping[str, str] | None = None,
-) -> InstructionBound:
-    """Largest number of instructions from entry to return of a step."""
-    functions = disassemble(elf, objdump)
+def graphs_of(elf: Path, function: str) -> dict[str, dict[int, CodeBlock]]:
+    """Control-flow graphs of a function and of all that it calls."""
+    functions = disassemble(elf)
     graphs: dict[str, dict[int, CodeBlock]] = {}
     todo = [function]
     while todo:
@@ -254,8 +247,24 @@ def step_bound(
         if name not in graphs:
             graphs[name] = blocks_of(name, functions)
             todo += [c for b in graphs[name].values() for c in b.calls]
-    stack = _stack(function, graphs)
+    return graphs
 
+
+def step_bound(
+    elf: Path,
+    function: str,
+    source: str,
+    ranges: Mapping[str, tuple[int, int]],
+    loops: Sequence[LoopBound],
+    elsewhere: Mapping[str, str] | None = None,
+) -> InstructionBound:
+    """Largest number of instructions from entry to return of a step."""
+    graphs = graphs_of(elf, function)
+    called = {f: {c for b in g.values() for c in b.calls} for f, g in graphs.items()}
+    try:
+        TopologicalSorter(called).prepare()
+    except CycleError:
+        raise BoundError("recursion") from None
     limits = {x.var: x for x in loops}
     nodes = [(f, a) for f, g in graphs.items() for a in g]
     index = {n: i for i, n in enumerate(nodes)}
@@ -311,7 +320,7 @@ def step_bound(
         )
         for f, g in graphs.items()
     }
-    return InstructionBound(int(np.ceil(-solved.fun - 1e-6)), by_function, stack)
+    return InstructionBound(int(np.ceil(-solved.fun - 1e-6)), by_function)
 
 
 def _sparse(rows: Sequence[tuple[dict[int, float], float]], count: int) -> csr_array | None:
@@ -321,31 +330,3 @@ def _sparse(rows: Sequence[tuple[dict[int, float], float]], count: int) -> csr_a
     j = [c for row, _ in rows for c in row]
     v = [x for row, _ in rows for x in row.values()]
     return csr_array((v, (i, j)), shape=(len(rows), count))
-
-
-def _stack(name: str, graphs: Mapping[str, dict[int, CodeBlock]], depth: int = 0) -> int:
-    if depth > 50:
-        raise BoundError("recursion")
-    own = deepest = 0
-    for block in graphs[name].values():
-        for i in block.code:
-            if i.name.startswith(("push", "stmdb", "stmfd")) and "}" in i.operands:
-                if i.name.startswith("push") or i.operands.startswith("sp!"):
-                    own += 4 * _registers(i.operands)
-            elif i.name.startswith("vpush"):
-                wide = 8 if "{d" in i.operands else 4
-                own += wide * _registers(i.operands)
-            elif i.name.startswith("sub") and (m := re.match(r"sp, (?:sp, )?#(\d+)", i.operands)):
-                own += int(m[1])
-        for c in block.calls:
-            deepest = max(deepest, _stack(c, graphs, depth + 1))
-    return own + deepest
-
-
-def _registers(operands: str) -> int:
-    inside = operands[operands.index("{") + 1 : operands.index("}")]
-    total = 0
-    for item in inside.split(","):
-        ends = re.findall(r"\d+", item) if "-" in item else []
-        total += int(ends[1]) - int(ends[0]) + 1 if ends else 1
-    return total

@@ -15,9 +15,7 @@ from esea_gen.link.transport import LinkError, Process
 from esea_gen.targets import ARM_GCC, find_board
 
 TIMEOUT_S = 30.0
-PC, XPSR = 15, 25
-_IF_THEN = 0x0600FC00  # state of a conditional block, in xPSR
-_STORE_R1_AT_R0 = bytes.fromhex("0160")  # str r1, [r0]
+PC = 15
 
 
 class HeldProcessor:
@@ -48,10 +46,10 @@ class HeldProcessor:
                 ) from None
         self._link.settimeout(TIMEOUT_S)
         self._read = b""
-        self._breaks: set[int] = set()
+        self.breaks: set[int] = set()
         self.at = 0  # where it stands
         # QEMU gives single registers only to who has asked what there are.
-        self._ask("qXfer:features:read:target.xml:0,ffb")
+        self.ask("qXfer:features:read:target.xml:0,ffb")
 
     def __enter__(self) -> Self:
         return self
@@ -87,7 +85,8 @@ class HeldProcessor:
             # Acknowledgements stand between packets.
             self._read = (self._read + data).lstrip(b"+")
 
-    def _ask(self, text: str) -> str:
+    def ask(self, text: str) -> str:
+        """Its answer to a command of GDB's remote protocol."""
         self._send(text)
         answer = self._answer()
         if answer.startswith("E"):
@@ -96,71 +95,32 @@ class HeldProcessor:
 
     def run(self) -> int:
         """Let it run to the next breakpoint; its address."""
-        if self.at in self._breaks:
-            self._ask("s")
-        self._ask("c")
+        if self.at in self.breaks:
+            self.ask("s")
+        self.ask("c")
         self.at = self.register(PC)
         return self.at
 
-    def steps_to(self, *addresses: int) -> int:
-        """How many instructions it takes to any of some addresses, no interrupt between them."""
-        count = 0
-        while count == 0 or self.at not in addresses:
-            self._ask("s")
-            self.at = self.register(PC)
-            count += 1
-        return count
-
     def register(self, number: int) -> int:
         """A core register."""
-        return int(struct.unpack("<I", bytes.fromhex(self._ask(f"p{number:x}"))[:4])[0])
+        return int(struct.unpack("<I", bytes.fromhex(self.ask(f"p{number:x}"))[:4])[0])
 
     def read(self, address: int, count: int) -> bytes:
         """Memory, or registers of the hardware."""
         found = b""
         while len(found) < count:
             piece = min(1024, count - len(found))
-            found += bytes.fromhex(self._ask(f"m{address + len(found):x},{piece:x}"))
+            found += bytes.fromhex(self.ask(f"m{address + len(found):x},{piece:x}"))
         return found
-
-    def write(self, address: int, data: bytes) -> None:
-        """Memory; registers of the hardware do not hear of it."""
-        for at in range(0, len(data), 1024):
-            piece = data[at : at + 1024]
-            self._ask(f"M{address + at:x},{len(piece):x}:{piece.hex()}")
 
     def read_word(self, address: int) -> int:
         """A word."""
         return int(struct.unpack("<I", self.read(address, 4))[0])
 
-    def set_register(self, number: int, value: int) -> None:
-        """A core register."""
-        self._ask(f"P{number:x}={struct.pack('<I', value).hex()}")
-
-    def store(self, address: int, value: int, scratch: int) -> None:
-        """A word into a register of the hardware, by the processor itself."""
-        used = (0, 1, PC, XPSR)
-        kept = [self.register(n) for n in used]
-        self.write(scratch, _STORE_R1_AT_R0)
-        # Where it stands may be conditional (an IT block); the store is not.
-        given = (address, value, scratch, kept[-1] & ~_IF_THEN)
-        for number, held in zip(used, given, strict=True):
-            self.set_register(number, held)
-        self._ask("s")
-        for number, held in zip(used, kept, strict=True):
-            self.set_register(number, held)
-
     def hold_at(self, address: int) -> None:
         """Set a breakpoint."""
-        self._ask(f"Z1,{address:x},2")
-        self._breaks.add(address)
-
-    def no_more_at(self, address: int) -> None:
-        """Take it away."""
-        if address not in self._breaks:
-            return
-        self._ask(f"z1,{address:x},2")
-        self._breaks.discard(address)
+        self.ask(f"Z1,{address:x},2")
+        self.breaks.add(address)
 
 
 def addresses(image: FirmwareImage) -> dict[str, int]:

@@ -61,7 +61,7 @@ def verify(
         chain = search_chain(loaded, others, search, say=say) if search else None
     _print_verification(loaded, result)
     out.lines(chain.table() if chain else [])
-    more = {"chain": chain.to_dict()} if chain else {}
+    more = {"chain": chain} if chain else {}
     write_json(json_file, "verify", result.to_dict() | more)
     exit_unless(result.passed and (chain is None or chain.passed))
     out.next("emulate", device, *(("--controller", controller) if controller else ()))

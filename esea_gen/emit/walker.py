@@ -164,7 +164,11 @@ def use_counts(kernel: Kernel) -> list[int]:
 
 
 def prune(kernel: Kernel) -> Kernel:
-    order = needed_nodes(kernel)
+    return _ordered(kernel, needed_nodes(kernel))
+
+
+def _ordered(kernel: Kernel, order: Sequence[int]) -> Kernel:
+    # Some of the nodes, in another order.
     position = {old: new for new, old in enumerate(order)}
     nodes = tuple(
         Node(n.op, tuple(position[a] for a in n.args), n.value, n.source)
@@ -231,15 +235,7 @@ def calls_first(kernel: Kernel) -> Kernel:
                 if not placed[i]:
                     placed[i] = True
                     order.append(i)
-    position = {old: new for new, old in enumerate(order)}
-    return Kernel(
-        kernel.name,
-        tuple(
-            Node(n.op, tuple(position[a] for a in n.args), n.value, n.source)
-            for n in (nodes[i] for i in order)
-        ),
-        tuple(tuple(position[i] for i in r) for r in kernel.results),
-    )
+    return _ordered(kernel, order)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ import json
 import math
 import re
 import zipfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -124,12 +123,6 @@ def _filters(model: ExportedModel) -> None:
     }
 
 
-def _token(files: Mapping[str, str]) -> str:
-    found = re.search(r'MODEL_TOKEN "(\w+)"', files["model.h"])
-    assert found is not None
-    return found.group(1)
-
-
 def _compiled(model: ExportedModel, fmi: Version) -> list[str]:
     return [f"fmi{fmi}.c", *sorted(n for n in model.files if n.endswith(".c"))]
 
@@ -171,7 +164,7 @@ class Fmu:
 def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
     """Render, compile and describe a model as an FMU for co-simulation."""
     texts = sources(model, fmi)
-    token = _token(texts)
+    (token,) = re.findall(r'MODEL_TOKEN "(\w+)"', texts["model.h"])
     binary = compile_sources(
         texts | _headers(fmi),
         (*_FLAGS, _PLAIN),

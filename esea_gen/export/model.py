@@ -5,8 +5,9 @@ Each is C by the one code generator, and a list of variables that stand for fiel
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Literal
 
 from esea_gen.device import Device
@@ -16,7 +17,7 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable
-from esea_gen.language.system import External, System
+from esea_gen.language.system import External
 from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.people import PlantVariant
 
@@ -78,53 +79,39 @@ class ExportedModel:
         return next(v.reference for v in self.variables if v.name == name)
 
 
-class _Variables:
-    # Collects them; a name that is taken gets the word for its role in front.
+def _ports(role: Role, task: str, ports: Iterable[Port | External]) -> Iterator[ModelVariable]:
+    for x in ports:
+        port = x.port if isinstance(x, External) else x
+        for i in range(port.size):
+            mark, at = (f"[{i + 1}]", f"[{i}]") if port.size > 1 else ("", "")
+            start = min(max(0.0, port.low), port.high) if role == "input" else 0.0
+            yield _variable(x.name + mark, role, x.name + at, port, start, task)
 
-    def __init__(self) -> None:
-        self.found: list[ModelVariable] = []
 
-    def ports(self, role: Role, task: str, ports: Iterable[Port | External]) -> None:
-        for x in ports:
-            port = x.port if isinstance(x, External) else x
-            for i in range(port.size):
-                mark, at = (f"[{i + 1}]", f"[{i}]") if port.size > 1 else ("", "")
-                self._add(x.name + mark, role, x.name + at, port, task)
+def _tunables(
+    prefix: str, given: Iterable[Tunable], values: Mapping[str, float]
+) -> Iterator[ModelVariable]:
+    for t in given:
+        start = float(values.get(t.name, t.default))
+        yield _variable(prefix + t.name, "tunable", prefix + t.name, t, start)
 
-    def tunables(self, prefix: str, given: Iterable[Tunable], values: Mapping[str, float]) -> None:
-        for t in given:
-            self._add(prefix + t.name, "tunable", prefix + t.name, t, "", values.get(t.name))
 
-    def _add(
-        self,
-        name: str,
-        role: Role,
-        c: str,
-        port: Port | Tunable,
-        task: str,
-        value: float | None = None,
-    ) -> None:
-        if any(v.name == name for v in self.found):
-            name = f"out.{name}"
-        start = 0.0 if isinstance(port, Port) else port.default
-        if role == "input":
-            start = min(max(start, port.low), port.high)
-        whole = isinstance(port, Port) and bool(port.flags)
-        self.found.append(
-            ModelVariable(
-                name,
-                len(self.found),
-                role,
-                whole,
-                start if value is None else float(value),
-                port.low,
-                port.high,
-                "1" if whole else port.unit,
-                _described(port),
-                c,
-                task,
-            )
-        )
+def _variable(
+    name: str, role: Role, c: str, port: Port | Tunable, start: float, task: str = ""
+) -> ModelVariable:
+    whole = isinstance(port, Port) and bool(port.flags)
+    unit = "1" if whole else port.unit
+    about = _described(port)
+    return ModelVariable(name, 0, role, whole, start, port.low, port.high, unit, about, c, task)
+
+
+def _numbered(*groups: Iterable[ModelVariable]) -> tuple[ModelVariable, ...]:
+    # A name that is taken gets the word for its role in front.
+    found: dict[str, ModelVariable] = {}
+    for v in chain(*groups):
+        name = f"out.{v.name}" if v.name in found else v.name
+        found[name] = replace(v, name=name, reference=len(found))
+    return tuple(found.values())
 
 
 def _described(port: Port | Tunable) -> str:
@@ -155,12 +142,12 @@ def _renderer(device: Device, real: str) -> tuple[Renderer, str]:
 def controller_model(device: Device, real: str = "f32") -> ExportedModel:
     """All tasks of a device, from encoder counts to motor command."""
     renderer, digest = _renderer(device, real)
-    system, found = device.system, _Variables()
-    for task in system.tasks:
-        found.ports("input", task.name, system.task_inputs(task))
-    _instances(found, system, {})
-    for task in system.tasks:
-        found.ports("output", task.name, system.task_outputs(task))
+    system = device.system
+    found = _numbered(
+        *(_ports("input", task.name, system.task_inputs(task)) for task in system.tasks),
+        *(_tunables(f"{i}.", b.tunables, {}) for i, b in system.blocks.items()),
+        *(_ports("output", task.name, system.task_outputs(task)) for task in system.tasks),
+    )
     return ExportedModel(
         "controller",
         renderer.prefix,
@@ -170,7 +157,7 @@ def controller_model(device: Device, real: str = "f32") -> ExportedModel:
         renderer.prefix,
         system.base_period_s,
         _tasks(renderer),
-        tuple(found.found),
+        found,
         bool(system.tunables),
         bool(system.latches),
         _sources(renderer),
@@ -184,11 +171,12 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
     if name not in kinds:
         raise UserError(f"{device.name} has no Block '{name}'.", f"It has {', '.join(kinds)}.")
     renderer, digest = _renderer(device, real)
-    block, found = kinds[name], _Variables()
-    stem = f"{renderer.prefix}_{name}"
-    found.ports("input", "step", block.inputs)
-    found.tunables("", block.tunables, {})
-    found.ports("output", "step", block.outputs)
+    block, stem = kinds[name], f"{renderer.prefix}_{name}"
+    found = _numbered(
+        _ports("input", "step", block.inputs),
+        _tunables("", block.tunables, {}),
+        _ports("output", "step", block.outputs),
+    )
     whole = {f"{renderer.prefix}.c", *(f"{renderer.prefix}_{k}.c" for k in kinds if k != name)}
     return ExportedModel(
         "block",
@@ -199,7 +187,7 @@ def block_model(device: Device, name: str, real: str = "f32") -> ExportedModel:
         stem,
         block.period_s,
         (ModelTask("step", stem),),
-        tuple(found.found),
+        found,
         bool(block.coefficients),
         False,
         tuple(n for n in _sources(renderer) if n not in whole),
@@ -216,20 +204,17 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     content = content_hash(system, digest, title, [fmt])
     command = f"esea-gen export fmu {variant.device.name} --plant NAME"
     renderer = Renderer(system, fmt, content, command, title)
-    found = _Variables()
     move, encode = system.tasks
-    found.ports("input", "move", system.task_inputs(move))
-    _instances(found, system, variant.values)
-    place = len(found.found)
     angle = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])
     about = "angle of all bodies at the start, at rest"
-    found.found.append(
-        ModelVariable(
-            "start_rad", place, "fixed", False, 0.0, angle.low, angle.high, "rad", about, ""
-        )
+    ends = angle.low, angle.high
+    start = ModelVariable("start_rad", 0, "fixed", False, 0.0, *ends, "rad", about, "")
+    found = _numbered(
+        _ports("input", "move", system.task_inputs(move)),
+        *(_tunables(f"{i}.", b.tunables, variant.values) for i, b in system.blocks.items()),
+        [start],
+        *(_ports("output", task.name, system.task_outputs(task)) for task in system.tasks),
     )
-    for task in system.tasks:
-        found.ports("output", task.name, system.task_outputs(task))
     state = next(p for p in system.blocks["plant"].state if p.name == "theta_rad")
     return ExportedModel(
         "twin",
@@ -240,7 +225,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
         renderer.prefix,
         tick_s,
         _tasks(renderer),
-        tuple(found.found),
+        found,
         True,
         False,
         _sources(renderer),
@@ -253,11 +238,6 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
 
 def _command(device: Device, real: str) -> str:
     return build_command(device).replace("build", "export fmu", 1) + f" --real {real}"
-
-
-def _instances(found: _Variables, system: System, values: Mapping[str, float]) -> None:
-    for instance, block in system.blocks.items():
-        found.tunables(f"{instance}.", block.tunables, values)
 
 
 def _tasks(renderer: Renderer) -> tuple[ModelTask, ...]:

@@ -117,15 +117,14 @@ def coupling_lives(session: Session) -> tuple[CouplingLife, ...]:
     if first.couplings == 0:
         return ()
     told = [first, *(session.ask_for("ESEA_LIFE", k) for k in range(1, first.records))]
-    found = [_life(m, k if k < first.couplings else None) for k, m in enumerate(told)]
+    found = [
+        CouplingLife(
+            *(m.serial, k if k < first.couplings else None, m.seconds, float(m.energy_J)),
+            *(m.full, tuple(map(int, m.halves)), float(m.width_rad)),
+        )
+        for k, m in enumerate(told)
+    ]
     return tuple(x for x in found if x.axis is not None or x.serial)
-
-
-def _life(m: Any, axis: int | None) -> CouplingLife:
-    halves = tuple(int(h) for h in m.halves)
-    return CouplingLife(
-        m.serial, axis, m.seconds, float(m.energy_J), m.full, halves, float(m.width_rad)
-    )
 
 
 def name_coupling(session: Session, axis: int, serial: int) -> None:
@@ -174,9 +173,9 @@ def read_blackbox(
 
 def _part(session: Session, first: int, records: int = 0) -> Any:
     # Asked again where a frame was lost: a question changes nothing.
-    cls = session.message
     for again in range(_TRIES):
-        session.send(cls("ESEA_BLACKBOX", first, 0, 0, 0, records, 0, 0, [0] * 224))
+        question = (first, 0, 0, 0, records, 0, 0, [0] * 224)
+        session.send(session.message("ESEA_BLACKBOX", *question))
         try:
             return session.wait_for("ESEA_BLACKBOX", wanted=lambda m: m.first == first)
         except LinkError:

@@ -19,8 +19,5 @@ def shown_lines(text: str, most: int | None = None) -> str:
         text = text[: most - 1] + "…"
     if text.isascii() and text.replace("\n", "").replace("\t", "").isprintable():
         return text
-    return "".join(c if c in "\n\t" or not _hidden(c) else "\ufffd" for c in text)
-
-
-def _hidden(letter: str) -> bool:
-    return unicodedata.category(letter) in _CONTROL
+    hidden = {c for c in set(text) - set("\n\t") if unicodedata.category(c) in _CONTROL}
+    return "".join("\ufffd" if c in hidden else c for c in text)

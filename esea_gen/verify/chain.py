@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,10 +54,6 @@ class ChainReport:
         return all(
             e.rms_Nm <= AIM_RMS_SHARE * full and e.error_Nm <= AIM_SHARE * full for e in self.errors
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
-        return asdict(self)
 
     def table(self) -> list[str]:
         """Lines of text."""

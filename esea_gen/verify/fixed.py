@@ -16,13 +16,13 @@ from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import (
     BlockPlan,
-    FieldPlan,
     coefficients_raw,
     defined,
     lowered_values,
     raw_places,
     run_lowered,
 )
+from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.spans import COMPARES, RangeError
 from esea_gen.emit.step_errors import BEYOND, Bound
@@ -45,7 +45,7 @@ Raw = np.ndarray[Any, np.dtype[Any]]
 def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict[str, Raw]:
     out = {}
     for f, r in zip(fields, results, strict=True):
-        word = bool(getattr(f.port, "flags", ()))
+        word = f.word
         table = np.stack([np.asarray(e, dtype=np.int64) for e in r], axis=1)
         column = table.astype(np.uint32 if word else np.int32)
         out[f.port.name] = column[:, 0] if f.size == 1 else column
@@ -94,20 +94,6 @@ class RawExecutor:
         results = run_lowered(self.plan.step, places, count)
         split = len(fields["state"])
         return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
-
-    def run(self, inputs: Mapping[str, Raw]) -> tuple[dict[str, Raw], dict[str, Raw]]:
-        """Run a stream from the initial state."""
-        state = self.initial()
-        outs, states = [], []
-        for k in range(len(next(iter(inputs.values())))):
-            y, state = self.steps(state, {n: u[k : k + 1] for n, u in inputs.items()})
-            outs.append(y)
-            states.append(state)
-        return _join(outs), _join(states)
-
-
-def _join(parts: list[dict[str, Raw]]) -> dict[str, Raw]:
-    return {n: np.concatenate([p[n] for p in parts]) for n in parts[0]}
 
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
@@ -287,7 +273,7 @@ def compare_fixed(
     for group, expected, raw in (("out", expected_y, raw_y), ("state", expected_s, raw_s)):
         for f in plan.fields[group]:
             name = f.port.name
-            if getattr(f.port, "flags", ()):
+            if f.word:
                 got[name] = raw[name]
                 continue
             value = from_raw(raw[name], f.fraction)

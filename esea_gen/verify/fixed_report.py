@@ -75,16 +75,7 @@ class FixedReport:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content."""
-        return {
-            "device": self.device,
-            "aim_share": AIM_SHARE,
-            "passed": self.passed,
-            "blocks": [asdict(b) for b in self.blocks],
-            "signals": [asdict(s) for s in self.signals],
-            "cores": [asdict(c) for c in self.cores],
-            "proofs": [asdict(p) for p in self.proofs],
-            "chain": self.chain and self.chain.to_dict(),
-        }
+        return asdict(self) | {"aim_share": AIM_SHARE, "passed": self.passed}
 
     def table(self) -> list[str]:
         """Lines of text."""

@@ -78,7 +78,10 @@ def why_impossible(kernel: Kernel, ranges: Mapping[int, Interval], node: int, si
     """Why a side of a decision is never taken; empty without a proof."""
     n = kernel.nodes[node]
     if n.op in ("and", "or"):
-        return _settled_operand(ranges, n.args, side) or _impossible(kernel, n.args, side)
+        for name, a, wanted in zip(("first", "second"), n.args, _OPERANDS[side], strict=True):
+            if a in ranges and ranges[a].settled and (ranges[a].low != 0) != wanted:
+                return f"the {name} operand is always {str(not wanted).lower()}"
+        return _impossible(kernel, n.args, side)
     if all(a in ranges for a in n.args):
         return _by_range(n.op, [ranges[a] for a in n.args], side)
     return ""
@@ -123,13 +126,6 @@ _OPERANDS = {
     "only first true": (True, False),
     "only second true": (False, True),
 }
-
-
-def _settled_operand(ranges: Mapping[int, Interval], args: Sequence[int], side: str) -> str:
-    for name, a, wanted in zip(("first", "second"), args, _OPERANDS[side], strict=True):
-        if a in ranges and ranges[a].settled and (ranges[a].low != 0) != wanted:
-            return f"the {name} operand is always {str(not wanted).lower()}"
-    return ""
 
 
 def _impossible(kernel: Kernel, args: tuple[int, ...], side: str) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from esea_gen.board.bare import BARE_BOARDS, emulate, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
-from esea_gen.emit.fixed.plan import FieldPlan
+from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import from_raw, to_raw

@@ -21,8 +21,7 @@ from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.receiver import Receiver
 from esea_host.recording.log import open_log
 from esea_host.recording.writer import Recorder
-from esea_host.simulated.drive import SimulatedBoard
-from esea_host.simulated.lockstep import LockstepDevice
+from esea_host.simulated.drive import LockstepDevice, SimulatedBoard
 
 from .live_view import memory_bytes, plot_latency, window_soak
 

@@ -72,19 +72,6 @@ class BoardProcess:
         self._process.stdin.write(f"{word} {number:.6f}\n")
         self._process.stdin.flush()
 
-    # As :class:`esea_host.interaction.on_board.ElementHands`.
-    def build_in(self, spring_Nm_rad: float) -> None:
-        self.hand("spring", spring_Nm_rad)
-
-    def hang(self, load_Nm: float) -> None:
-        self.hand("hang", load_Nm)
-
-    def let_go(self) -> None:
-        self.hand("let-go", 0.0)
-
-    def aim(self, aim_rad: float) -> None:
-        self.hand("aim", aim_rad)
-
     def close(self) -> None:
         self._process.kill()
         self._process.communicate()
@@ -141,7 +128,7 @@ def soak(
     try:
         with open_device(process.address) as device:
             board = BoardSource(device, path.parent, True)
-            source = ElementBoard(board, None, process)
+            source = ElementBoard(board, None, process.hand)
             happens = {
                 "": lambda: None,
                 "unplug": device.receiver.transport.close,

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.board.firmware import build_firmware
-from esea_gen.board.gdb import HeldProcessor, addresses
+from esea_gen.board.gdb import addresses
 from esea_gen.board.scripted import TapedBoard
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, load_device
 from esea_gen.targets import find_board, firmware_folder
+from tests.proof.steered import SteeredProcessor
 
 BOARD = "netduinoplus2"
 RUNS = 3
@@ -101,7 +102,7 @@ def _drivers(device: Device) -> str:
     return text + _WRAPPED.format(asked=", ".join(map(str, _asked(device))))
 
 
-def _counted(held: HeldProcessor, entry: int, handlers: Sequence[int]) -> int:
+def _counted(held: SteeredProcessor, entry: int, handlers: Sequence[int]) -> int:
     # Instructions of a function, from its entry until it has gone back; a handler goes back to what
     # it interrupted, or to one that waits: where it is held, the next tick is due at once.
     held.hold_at(entry)
@@ -160,7 +161,7 @@ def whole_tick(device: Device, runs: int = RUNS) -> WholeTick:
         shipped = build_firmware(device, BOARD, Path(scratch) / "shipped")
         at = addresses(counted)
         slower = at["esea_app_background"]
-        with HeldProcessor(counted) as held:
+        with SteeredProcessor(counted) as held:
             held.hold_at(slower)
             for _ in range(20):  # until what was asked for is streamed
                 held.run()

@@ -102,32 +102,6 @@ def test_nothing_is_learnt_without_information(block):
         assert not y["offset_Nm"].any()
 
 
-def test_bounded_whatever_the_sensor_shows(block):
-    angle, rate = swung(10)
-    true = MASS_NM * np.sin(angle - HANGS_RAD)
-    for scale, end in ((1.8, 1 / 0.7), (0.55, 1 / 1.3)):
-        y, _ = run(block, scale * true, angle, rate, {**HUNG, "share": 1.0})
-        assert y["gain"][-1] == pytest.approx(end, rel=0.02)
-        assert 1 / 1.3 - 1e-6 <= y["gain"].min() <= y["gain"].max() <= 1 / 0.7 + 1e-6
-        assert (y["status"].astype(int) & flags(block)["AT_BOUND"]).any()
-        assert np.max(np.abs(y["wish_shift_Nm"])) <= 0.4 * 0.8 + 0.3
-
-
-def test_the_wish_fades_to_what_was_found_and_off_is_the_wish_itself(block):
-    tunables = {"gain": 1.25, "loss": -0.1, "offset_Nm": 0.05}
-    t = np.arange(8000) * H
-    wish = 1.7 * np.sin(2 * math.pi * 0.6 * t)
-    rest = np.zeros_like(t)
-    off, _ = run(block, rest, rest, rest, tunables, tau_desired_Nm=wish)
-    assert set(off["wish_gain"]) == {1.0}
-    assert not off["wish_shift_Nm"].any()
-    on, _ = run(block, rest, rest, rest, {**tunables, "share": 1.0}, tau_desired_Nm=wish)
-    faded = 1 - np.exp(-(t + H) / 1.0)
-    assert on["wish_gain"] == pytest.approx(1 + 0.25 * faded, abs=1e-6)
-    shift = faded * (-0.1 * stop_operator(wish, 0.8) + 0.05)
-    assert on["wish_shift_Nm"] == pytest.approx(shift, abs=1e-6)
-
-
 def test_nothing_but_the_wish_reads_what_was_learnt(drive):
     """So no limit, no comparison and no observer moves: an adaptation cannot move a trip."""
     for device in (drive, esea_gen.load_device("elbow_mpc")):

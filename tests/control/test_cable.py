@@ -88,44 +88,6 @@ def test_the_steps_of_the_encoder_average_out(drive):
     assert np.abs(y["gap_rad"][-1700:] - 0.01).max() < 1e-3
 
 
-def test_without_torque_the_usual_gap_moves_with_what_is_seen(drive):
-    # Wound by 8 mrad to one side from where it started: the gap of 6 mrad is pushed along.
-    n = 3000
-    wound = 0.008 * np.minimum(np.arange(n) / 1000, 1)
-    ones = np.ones(n)
-    y, _ = (
-        cable_observer(drive)
-        .simulator()
-        .run(
-            {
-                "theta_gear_rad": wound,
-                "gear_usable": ones,
-                "theta_motor_rad": 0 * ones,
-                "motor_usable": ones,
-                "tau_Nm": 0 * ones,
-                "mode": ones,
-            }
-        )
-    )
-    assert y["gap_rad"] == pytest.approx(0.006, abs=1e-7)
-    assert y["wound_rad"][-1] == pytest.approx(0.003, abs=1e-5)
-    assert y["wound_rad"][300] == pytest.approx(0.0024, abs=1e-5)
-
-
-def test_an_encoder_that_cannot_be_used_leaves_a_cable_in_its_middle(drive):
-    given, _ = cable(150, 0.02, 0.0)
-    given["gear_usable"][5000] = 0.0
-    given["theta_gear_rad"][5000:] += 0.5  # starts again from elsewhere
-    y, _ = cable_observer(drive).simulator().run(given)
-    before, then, after = (y["wound_rad"][i] for i in (4999, 5000, 5001))
-    give = y["give_rad_Nm"][4999]
-    assert y["status"][5000] == 4
-    assert then == pytest.approx(given["tau_Nm"][5000] * give, abs=1e-6)
-    assert abs(after - before) < 0.011
-    assert y["gap_rad"][5001] == pytest.approx(0.006, abs=1e-3)
-    assert y["gap_rad"][-1] == pytest.approx(0.02, abs=5e-4)
-
-
 def test_a_rendered_impedance_closes_the_gap_and_learns_it_all_the_same(drive):
     """Mode 2: the cable alone, tau/k; what is known of the gap is there again in torque mode."""
     given, wound = cable(150, 0.01, 0.2)

@@ -68,7 +68,7 @@ def test_the_bound_holds_and_meets_its_aim(program):
         at += p.size
     y, _ = runner.run(stream, trace=False)
     assert np.array_equal(y["u_Nm"], command)
-    assert cost.bound.stack_bytes < 1024
+    assert cost.stack_bytes < 1024
     assert cost.state_bytes < 4096
 
 

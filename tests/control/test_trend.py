@@ -45,12 +45,6 @@ def test_a_ramp_goes_on_with_its_rate(rate):
     assert ahead(wanted)[-1] == pytest.approx(wanted[-1] + gone_on(rate, 0), abs=2e-3 * abs(rate))
 
 
-def test_a_parabola_goes_on_with_both():
-    t = H * np.arange(200)
-    wanted = -1.0 + 2.0 * t**2
-    assert ahead(wanted)[-1] == pytest.approx(wanted[-1] + gone_on(4 * t[-1], 4), abs=2e-3)
-
-
 @pytest.mark.parametrize(("size_Nm", "frequency_Hz"), [(1.7, 0.6), (3.0, 1.0), (0.75, 1.5)])
 def test_a_sine_goes_on_as_a_triple_pole_sees_it(size_Nm, frequency_Hz):
     # Three poles at 16 Hz that follow an acceleration: acceleration through 1/(1 + x)^3, rate
@@ -89,18 +83,6 @@ def test_noise_is_not_taken_for_a_motion():
     assert max(added(s) for s in (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.3)) < 0.03
     # Armed: an observer that no noise slows down.
     assert added(0.1, quiet_Nm=1.0) > 1
-
-
-def test_what_it_may_ask_for_has_an_end():
-    full = load_device("elbow_drive").tau_full_scale_Nm
-    turn = 2 * np.pi * 3
-    t = H * np.arange(200)
-    simulator = block().simulator()
-    outs = [simulator.step(tau_wanted_Nm=full * np.sin(2 * np.pi * 8 * x)) for x in t]
-    assert max(abs(o["tau_rate_Nm_s"]) for o in outs) <= turn * full * (1 + 1e-6)
-    assert max(abs(o["tau_curve_Nm_s2"]) for o in outs) <= turn**2 * full * (1 + 1e-6)
-    assert any(int(o["status"]) & 4 for o in outs)
-    assert np.abs([o["tau_ahead_Nm"] for o in outs]).max() <= block().outputs[0].high
 
 
 # -- in the loop -----------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from esea_gen.device import load_device
 from esea_gen.emit import render
 from esea_gen.emit.fixed.errors import Propagation, any_bound
 from esea_gen.emit.fixed.kept import plan_block
-from esea_gen.emit.fixed.plan import FieldPlan
+from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
 from esea_gen.hostlib.library import HostLibrary

@@ -272,7 +272,7 @@ SOAK = """
 import json, sys
 from tests.benchmarks.live_view import window_soak
 from esea_host.simulated import SimulatedBoard
-from esea_host.windows.history import RowRing
+from esea_host.windows.feed import RowRing
 
 kept, extend = [], RowRing.extend
 

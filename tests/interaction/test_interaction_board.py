@@ -13,12 +13,11 @@ import esea_gen
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.interaction.confirming import expected, judge, spring_Nm_rad
-from esea_host.interaction.from_board import cut_trials
 from esea_host.interaction.on_board import ElementBoard
-from esea_host.interaction.recordings import read_angle
+from esea_host.interaction.recordings import cut_trials, read_angle
 from esea_host.people.person import PersonModel, person
 from esea_host.simulated import LockstepDevice
-from esea_host.simulated.attendant import Attendant
+from esea_host.simulated.server import Attendant
 from esea_host.study.board import BoardSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
@@ -48,21 +47,6 @@ parameters = { element = "elastomer" }
 [[session]]
 name = "both"
 """
-
-
-class Careless(Attendant):
-    """Leaves in what is in."""
-
-    def build_in(self, spring_Nm_rad: float) -> None:
-        """Nothing."""
-
-
-class Careful(Attendant):
-    """Builds in what is asked for."""
-
-    def build_in(self, spring_Nm_rad: float) -> None:
-        """In the virtual coupling; the board's torque model stays the elastomer's."""
-        self.drive.build_in(spring_Nm_rad)
 
 
 @pytest.fixture
@@ -97,7 +81,7 @@ def told(session, kind):
 
 def test_both_elements_are_confirmed_played_and_replayed(session_of, simulated_elbow):
     blocks = ("tracking", "elastomer", 2.0), ("pong", "spring", 1.0), ("tracking", "spring", 1.0)
-    study, session = session_of(Careful(simulated_elbow), *blocks)
+    study, session = session_of(Attendant(simulated_elbow).do, *blocks)
     assert session.run() == ""
     elements = told(session, "element")
     assert [e["element"] for e in elements] == ["elastomer", "spring"]  # once a swap
@@ -133,7 +117,14 @@ def test_a_wrong_element_refuses_its_block_and_the_trial_stays_to_be_done(
 ):
     simulated_elbow.build_in(spring_Nm_rad(ELBOW, "spring"))
     blocks = ("tracking", "spring", 1.0), ("pong", "elastomer", 1.0)
-    _, session = session_of(Careless(simulated_elbow), *blocks)
+    attendant = Attendant(simulated_elbow)
+
+    def careless(word, number):
+        """Leave in what is in."""
+        if word != "spring":
+            attendant.do(word, number)
+
+    _, session = session_of(careless, *blocks)
     reason = session.run()
     assert "It measures as: spring, equal. Build in the elastomer" in reason
     assert [e["confirmed"] for e in told(session, "element")] == [True, False]

@@ -19,9 +19,8 @@ from esea_host.interaction import tasks
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
-from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import read_angle, read_manifest
-from esea_host.interaction.rig import HANDLE_KGM2, ElementRig
+from esea_host.interaction.rig import HANDLE_KGM2, ElementRig, RigPlayer
 from esea_host.interaction.virtual import (
     PROTOCOL,
     RigSource,
@@ -32,6 +31,7 @@ from esea_host.interaction.words import lines
 from esea_host.people.person import Limb, PersonModel, person
 from esea_host.statistics import standardised_difference
 from esea_host.study.folder import StudyFolder
+from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Scene
@@ -261,7 +261,7 @@ def test_a_hand_on_the_spring_is_an_oscillator(gcc):
     """Published stiffness, no damping: its period, and its way by the closed form."""
     k, inertia = math.degrees(0.0502), FREE.inertia_kgm2 + HANDLE_KGM2
     rig = ElementRig("spring", FREE)
-    rig.axes[0].omega_rad_s = 2.0
+    rig.wrist.omega_rad_s = 2.0
     read = [x for _ in range(100) for x in rig.advance(LIMP)]
     w = math.sqrt(k / inertia)
     t = np.arange(1, 1001) / 1000
@@ -288,8 +288,8 @@ def test_what_is_known_of_the_rig_is_what_the_firmware_makes_of_it(gcc):
     muscle = (8.0, 0.3, 0.1, 0.1, 3.0)
     _ = [rig.advance(muscle) for _ in range(200)]
     assert rig.board.clock().tick == 2000
-    assert rig.theta_rad == pytest.approx(rig.axes[0].theta_rad, abs=0.5 * 2 * math.pi / 2**14)
-    assert rig.tau_Nm == pytest.approx(rig.axes[0].tau_Nm, abs=0.002)
+    assert rig.theta_rad == pytest.approx(rig.wrist.theta_rad, abs=0.5 * 2 * math.pi / 2**14)
+    assert rig.tau_Nm == pytest.approx(rig.wrist.tau_Nm, abs=0.002)
     assert abs(rig.tau_Nm) > 0.15
     rig.board.lib.sim_fail(105)
     with pytest.raises(UserError, match="simulated board of rig_elastomer is FAULT"):
@@ -302,7 +302,7 @@ def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
     who = person(np.random.default_rng(1), PersonModel())
     task, state = begun("pong")
     situation = Situation(state.parameters, "spring", (), 1)
-    player = RigPlayer(who, ElementRig("spring", who.limbs[0]), [0.0], situation)
+    player = RigPlayer(who, ElementRig("spring", who.limbs[0]).advance, [0.0], situation)
     state = dataclasses.replace(state, paddle=tasks.Paddle(80.0))
     scene, when = Scene(), None
     for _ in range(500):
@@ -319,8 +319,8 @@ def test_the_trial_says_which_element_is_in_and_only_whole_trials_are_kept(gcc, 
     source = RigSource(person(np.random.default_rng(1), PersonModel()), tmp_path)
     for element in ("elastomer", "spring"):
         task, state = begun("tracking", element=element)
-        hand = source.hand(task, Situation(state.parameters, element, (), 1), 1)
-        assert hand.rig.element == element
+        hand = source.trial(task, Situation(state.parameters, element, (), 1), 1)
+        assert hand.advance.__self__.element == element
         hand.react(Scene(), {})
     for state in ("aborted", "failed"):
         source.over(1, state)
@@ -407,7 +407,9 @@ def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
         folder = tmp_path / name
         with parallel_config(backend="threading"):
             run_crossover(folder, 2, seed, jobs, protocol=short(seed, 2.0), last_s=1.0)
-        found.append(b"".join(p.read_bytes() for p in sorted(folder.glob("*/*/*.*"))))
+        logs = sorted(folder.glob("*/*/events.jsonl"))
+        told = [[(e.time_s, e.kind, e.data) for e in read_log(p).entries] for p in logs]
+        found.append((told, [p.read_bytes() for p in sorted(folder.glob("*/*/*.csv"))]))
     assert found[0] == found[1]
     assert found[0] != found[2]
 

@@ -461,6 +461,7 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
     assert "12 -> 13" in said("parameters", address, "--load", kept)
 
 
+@pytest.mark.ci
 def test_monitor_ends_with_its_pipe_and_who_comes_beside_is_told(drive):
     with served(drive, 1.0) as port:
         words = [sys.executable, "-m", "esea_host.cli", "monitor", f"tcp:127.0.0.1:{port}"]

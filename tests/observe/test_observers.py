@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy import signal
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
@@ -27,7 +25,6 @@ from esea_gen.observe.rates import (
     motor_rate,
 )
 from tests.conftest import require_tool
-from tests.single_steps import stays_in_range
 
 H = 1e-3
 N, J, FV, FC, WIDTH, TAU_C, JH = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22
@@ -144,31 +141,6 @@ def test_gain_at_rest_is_one_in_float32(drive):
     assert abs(direct - 1) > 1e-4
 
 
-def test_start_gap_and_invalid_samples(drive):
-    bits = {f.name: 1 << i for i, f in enumerate(motor_rate(drive).status_port.flags)}
-    simulator = motor_rate(drive).simulator()
-    theta = 2.0 + 0.8 * np.arange(900) * H
-    theta[300:340] = np.nan
-    theta[0] = np.inf
-    y, _ = simulator.run({"theta_rad": theta})
-    omega, status = y["omega_rad_s"], y["status"].astype(int)
-    assert np.array_equal(np.flatnonzero(status & bits["INPUT_INVALID"]), [0, *range(300, 340)])
-    assert omega[1] == 0.0  # primed by its first valid sample, no jump from 0 to 2 rad
-    assert np.all(omega[300:340] == omega[299])
-    # What was moved during the gap leaves no spike.
-    assert np.max(np.abs(omega[340:] - 0.8)) < 1e-6
-    simulator.reset()
-    y, _ = simulator.run({"theta_rad": np.full(50, 2.5)})
-    assert np.all(y["omega_rad_s"] == 0)
-    jump = simulator.step(theta_rad=-0.5)
-    assert jump["status"] & bits["STEP_CLIPPED"]
-    # A spinning encoder: clipped where no rate can be.
-    fast = motor_rate(drive).simulator()
-    y, _ = fast.run({"theta_rad": 0.02 * np.arange(160)})
-    assert np.max(y["omega_rad_s"]) == pytest.approx(12, abs=1e-5)
-    assert int(y["status"][-1]) & bits["RATE_CLIPPED"]
-
-
 def test_a_cutoff_beyond_the_rate_is_refused(drive):
     device = changed(
         drive,
@@ -265,19 +237,6 @@ def test_bandwidth_is_bounded_by_the_velocity_filter(drive):
 # -- torque of the person -------------------------------------------------------------------------
 
 
-def test_lag_observer_in_closed_form(drive):
-    # Jh omega' = tau_e + tau_h with tau_h = 2 Nm: exactly integrable.
-    t = np.arange(6000) * H
-    w = 2 * np.pi * 0.5
-    tau_e = -2.0 + 0.8 * np.cos(w * t)
-    omega = 0.8 / JH * np.sin(w * t) / w
-    y, _ = lag_observer(drive).simulator().run({"omega_load_rad_s": omega, "tau_Nm": tau_e})
-    assert y["tau_h_Nm"] == pytest.approx(2.0 * (1 - np.exp(-0.25 * t)), abs=2e-3)
-    fast = lag_observer(drive).simulator({"bandwidth_1_s": 6.0})
-    y, _ = fast.run({"omega_load_rad_s": omega, "tau_Nm": tau_e})
-    assert y["tau_h_Nm"] == pytest.approx(2.0 * (1 - np.exp(-6.0 * t)), abs=2e-3)
-
-
 def test_eso_gains_are_steady_kalman_gains(drive):
     # Of a 12-bit encoder's rounding and a random walk of torque and of its rate, and of no other
     # noise: the Riccati equation, solved independently.
@@ -300,28 +259,6 @@ def test_eso_gains_are_steady_kalman_gains(drive):
     assert error_matrix(drive) == pytest.approx(
         (np.eye(4) - np.outer([0.179, 17.7, 209.0, 3234.0], c)) @ a, abs=1e-9
     )
-
-
-def test_eso_error_dies_as_its_eigenvalues_say(drive):
-    m = error_matrix(drive)
-    slowest = np.max(np.abs(np.linalg.eigvals(m)))
-    assert slowest == pytest.approx(0.9701, abs=1e-4)
-    # The Block itself: from a wrong memory at rest, the error after n corrections is m^n.
-    simulator = extended_state(drive).simulator()
-    simulator.step(theta_load_rad=0.5, tau_Nm=0.0)
-    wrong = np.array([2e-3, 0.05, 0.3, 1.0])
-    start = {"theta_rad": 0.5 + wrong[0]}
-    start |= dict(zip(("omega_rad_s", "tau_h_Nm", "rate_Nm_s"), wrong[1:], strict=True))
-    simulator.state = start
-    correction = np.eye(4)
-    correction[:, 0] -= [0.179, 17.7, 209.0, 3234.0]
-    error = correction @ wrong
-    for k in range(150):
-        y = simulator.step(theta_load_rad=0.5, tau_Nm=0.0)
-        got = [y["theta_load_est_rad"] - 0.5, y["omega_load_rad_s"], y["tau_h_Nm"]]
-        assert [*got, y["tau_h_rate_Nm_s"]] == pytest.approx(error, abs=1e-9), k
-        error = m @ error
-    assert np.linalg.norm(got) < 0.05 * np.linalg.norm(wrong)
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.5])
@@ -349,24 +286,6 @@ def test_eso_follows_a_constant_and_a_ramp(drive, slope):
     assert y["omega_load_rad_s"][-1] == pytest.approx(omega[inside][-1], abs=1e-4 + 2e-3 * slope)
 
 
-def test_eso_without_encoder_predicts_and_comes_to_rest(drive):
-    simulator = extended_state(drive).simulator()
-    for k in range(400):
-        t = k * H
-        simulator.step(theta_load_rad=0.5 + 0.5 * t**3, tau_Nm=0.0)  # tau_h = 0.66 t
-    rate = simulator.step(theta_load_rad=np.nan, tau_Nm=0.0)
-    assert rate["status"] == 1
-    gap = [simulator.step(theta_load_rad=np.nan, tau_Nm=0.0) for _ in range(300)]
-    rates = np.array([y["tau_h_rate_Nm_s"] for y in gap])
-    n = np.arange(1, 301)
-    assert rates == pytest.approx(rate["tau_h_rate_Nm_s"] * np.exp(-n * H / 0.3), rel=1e-9)
-    # Back again: the estimate returns.
-    for _ in range(1200):
-        y = simulator.step(theta_load_rad=0.55, tau_Nm=0.3)
-    assert y["tau_h_Nm"] == pytest.approx(-0.3, abs=1e-6)
-    assert y["theta_load_est_rad"] == pytest.approx(0.55, abs=1e-6)
-
-
 def test_eso_gains_that_diverge_are_refused(drive):
     with pytest.raises(UserError, match="multiplied by"):
         extended_state(changed(drive, gain_tau_Nm_rad=20900.0))
@@ -378,17 +297,3 @@ def test_eso_gains_that_diverge_are_refused(drive):
     gains = {"gain_theta": 0.0762, "gain_omega_1_s": 30.119, "gain_tau_Nm_rad": 481.5456}
     with pytest.raises(UserError, match=r"decay of 0\.06 s.*multiplied by 1\.0001"):
         extended_state(changed(drive, gain_rate_Nm_s_rad=16000.0, **gains))
-
-
-# -- all of them ----------------------------------------------------------------------------------
-
-NAMES = ("motor_rate", "load_rate", "drive_observer", "human_lag", "human_eso")
-
-
-@pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40)
-@given(data=st.data())
-def test_any_input_and_state_gives_numbers_in_range(libraries, name, data):
-    block = libraries["f32"].system.blocks[name]
-    runner = libraries["f32"].block(name)
-    stays_in_range(block, runner, data.draw)

@@ -14,12 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.board.firmware import FirmwareImage
-from esea_gen.board.gdb import HeldProcessor, addresses
+from esea_gen.board.gdb import addresses
 from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
 from esea_gen.targets import ARM_GCC, find_board, firmware_folder
+from tests.proof.steered import SteeredProcessor
 
 Array = npt.NDArray[Any]
 
@@ -85,7 +86,7 @@ class _Rig:
 
     def __init__(
         self,
-        held: HeldProcessor,
+        held: SteeredProcessor,
         device: Device,
         image: FirmwareImage,
         inputs: Mapping[str, Mapping[str, Array]],
@@ -206,7 +207,7 @@ def preempt_everywhere(
     done: list[Preemption] = []
     missing: dict[int, int] = {}
     waiting = list(instructions)
-    with HeldProcessor(image) as held:
+    with SteeredProcessor(image) as held:
         rig = _Rig(held, device, image, inputs)
         first = rig.start()
         fast, slow = rig.fast, rig.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections import Counter
 from dataclasses import replace
 
@@ -14,6 +15,8 @@ from typer.testing import CliRunner
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.cli.options import know_shipped_tasks
+from esea_host.study.exchange import to_rows
+from esea_host.study.fitting import uses_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
@@ -213,6 +216,7 @@ WRONG = {f"event {n}": event({"x": x}) for n, x in ODD.items()} | {
     "no events": lambda made: replace(made, events=3),
     "no step": lambda made: None,
     "raises": lambda made: {}["theta"],
+    "exits": lambda made: sys.exit(3),
     "no scene": lambda made: replace(made, scene=None),
     "request": lambda made: replace(made, requests={"tau_desired_Nm": np.float64("nan")}),
     "request's kind": lambda made: replace(made, requests={"tau_desired_Nm": "1"}),
@@ -232,8 +236,20 @@ def test_what_a_task_returns_wrongly_fails_its_trial(study, kind, monkeypatch, w
     state = run_one(study).state
     assert state.ended.startswith("2 trials in a row failed, the last one: task steady_hold: ")
     assert [state.states[n] for n in (1, 2, 3)] == ["failed", "failed", "pending"]
-    if wrong != "raises":  # it would be raised in the replay again
+    if wrong not in ("raises", "exits"):  # it would be raised in the replay again
         assert all(same for _, _, same in replay(study.log_of("P01", 0)))
+
+
+@pytest.mark.parametrize(
+    "part", [lambda *_: 1 / 0, lambda *_: None, lambda *_: {"x": np.nan}, lambda *_: np.inf]
+)
+def test_a_task_that_does_not_say_what_it_needs_is_told(kind, monkeypatch, protocol, part):
+    monkeypatch.setattr(kind, "longest_s", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        explain(protocol)
+    monkeypatch.setattr(kind, "conditions", part)
+    with pytest.raises(UserError, match="task steady_hold: "):
+        uses_of(protocol)
 
 
 @pytest.mark.parametrize(
@@ -344,13 +360,13 @@ def test_blinding_and_scrubbed_export(tmp_path, study):
     session.note("came with Anna")
     session.run()
     session.close()
-    assert study.export(tmp_path / "out") == 12
+    assert to_rows(study, tmp_path / "out") == 12
     held = "".join(p.read_text() for p in (tmp_path / "out").iterdir())
     assert "P01" not in held
     assert "Anna" not in held
     assert len([json.loads(x) for x in (tmp_path / "out" / "rows.jsonl").open()]) == 12
     with pytest.raises(UserError, match="not empty"):
-        study.export(tmp_path / "out")
+        to_rows(study, tmp_path / "out")
 
 
 # -- scenes ----------------------------------------------------------------------------------------
@@ -375,7 +391,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     folder = str(tmp_path / "s")
     assert "at most 2 min" in call("check", str(EXAMPLE))
     call("create", str(EXAMPLE), folder, "--simulated")
-    assert "group: A" in call("enrol", folder, "P01", "--consent")
+    assert "group" not in call("enrol", folder, "P01", "--consent")
     assert "Simulated participant: 12 of 12" in call("run", folder, "P01", "--headless")
     assert "the same, bit for bit" in call("replay", folder, "P01")
     assert "Every log is as it was written" in call("audit", folder)
@@ -385,7 +401,12 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("repeat", folder, "P01", "2", "--reason", "a cough")
     call("skip", folder, "P01", "2", "--reason", "no time")
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
-    assert "11 rows" in call("export", folder, str(tmp_path / "out"))
+    told = call("export", folder, str(tmp_path / "out"))
+    assert told.startswith("Left out:\n  P01, session 1, trial 2 skipped: no time\n")
+    assert "11 rows" in told
+    assert "1 participants" in call("export", folder, "--check")
+    assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
+    assert "no more sessions" in call("withdraw", folder, "P01")
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 

@@ -6,17 +6,23 @@ import os
 import socket
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.interaction.from_board import cut_trials, paused_at
-from esea_host.interaction.recordings import is_simulated, read_angle, write_recording
+from esea_host.interaction.recordings import (
+    cut_trials,
+    is_simulated,
+    paused_at,
+    read_angle,
+    write_recording,
+)
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import serve_hosts
-from esea_host.study.board import BoardSource
+from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.conductor import Conductor
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
@@ -151,6 +157,25 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
     again = StudySession(session.log.path, session.state.plan, "P01", session.source)
     assert "the board is in STOPPED" in again.run()
     again.close()
+
+
+def test_a_task_that_raises_leaves_the_board_under_control(begun, lockstep, monkeypatch):
+    """Its torque ends with the deadline, the next trial runs, and the motor goes off at the end."""
+    kind = type(task_named("interaction.tracking", ""))
+    whole, steps = kind.step, iter(range(1000))
+
+    def step(self, state, time_s, inputs):
+        made = replace(whole(self, state, time_s, inputs), requests={"tau_desired_Nm": 0.5})
+        return made if next(steps) != 50 else 1 / 0
+
+    monkeypatch.setattr(kind, "step", step)
+    session, source = begun(of_tasks(TRACKING))
+    assert session.run() == ""
+    assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED]
+    assert "ZeroDivisionError" in session.state.reasons[1]
+    lockstep.advance(0.6)
+    assert lockstep.state() not in WORKING
+    source.close()
 
 
 def test_torque_at_rest_starts_nothing(begun, lockstep, monkeypatch):

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
-from esea_host.study.exchange import to_bids, to_parquet, traces, write_tsv
+from esea_host.study.exchange import new_codes, shared_rows, to_bids, to_parquet, traces, write_tsv
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import load_protocol
@@ -54,16 +54,16 @@ def out(study, tmp_path_factory) -> Path:
     return made
 
 
-def test_a_bids_data_set_by_its_specification(out):
+def test_a_bids_data_set_by_its_specification(study, out):
+    codes = list(new_codes(study))
     files = [p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()]
     top = {"dataset_description.json", "participants.tsv", "README"}
-    scans = {f"sub-{s}/ses-1/sub-{s}_ses-1_scans.tsv" for s in ("S001", "S002")}
+    scans = {f"sub-{s}/ses-1/sub-{s}_ses-1_scans.tsv" for s in codes}
     runs = [f for f in files if f not in top | scans | {s[:-3] + "json" for s in scans}]
     assert all(RUN.fullmatch(f) for f in runs)
     assert len(runs) == 4 * 24
     assert pd.read_csv(out / "participants.tsv", sep="\t").participant_id.tolist() == [
-        "sub-S001",
-        "sub-S002",
+        f"sub-{c}" for c in codes
     ]
     assert "SIMULATED" in (out / "README").read_text()
     everything = "".join((out / f).read_text() for f in files)
@@ -94,8 +94,8 @@ def test_a_bids_data_set_by_its_specification(out):
 
 
 def test_samples_and_events_are_those_of_the_log(study, out):
-    code = study.new_codes(0)["S001"]
-    (stem,) = out.glob("sub-S001/ses-1/motion/*_run-4_motion.tsv")
+    new, code = next(iter(new_codes(study).items()))
+    (stem,) = out.glob(f"sub-{new}/ses-1/motion/*_run-4_motion.tsv")
     motion = np.loadtxt(stem, delimiter="\t")
     entries = read_log(study.log_of(code, 0)).entries
     begun = [k for k, e in enumerate(entries) if e.kind == "trial" and e.data["trial"] == 4]
@@ -127,8 +127,8 @@ def test_rows_as_parquet(study, tmp_path):
     out = tmp_path / "p"
     assert to_parquet(study, out) == 24
     table = pd.read_parquet(out / "rows.parquet")
-    assert set(table.participant) == {"S001", "S002"}
-    again = study.scrubbed(0)
+    assert set(table.participant) == set(new_codes(study))
+    again = shared_rows(study)
     assert table.after_s.tolist() == [r["after_s"] for r in again]
     with pytest.raises(UserError, match="not empty"):
         to_parquet(study, out)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_host.study.exchange import to_bids
+from esea_host.study.exchange import to_bids, to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan
@@ -154,12 +154,12 @@ def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, study, forgery,
     forged(study.log_of("P01", 0), forgery, **data)
     first, *_ = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: an event lacks")
-    for out, write in (("rows", StudyFolder.export), ("bids", to_bids)):
+    for out, write in (("rows", to_rows), ("bids", to_bids)):
         with pytest.warns(UserWarning, match=r"P01/session-1.* left out"):
             assert write(StudyFolder.open(study.path), tmp_path / out) == 12
     forged(study.path / "audit.jsonl", "enrol", participant=1)
     assert any("enrol has no participant" in p for p in study.problems())
-    with pytest.raises(UserError, match=r"audit\.jsonl: line 2: enrol has no participant"):
+    with pytest.raises(UserError, match=r"audit\.jsonl: line 3: enrol has no participant"):
         study.participants()
 
 

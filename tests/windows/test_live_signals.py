@@ -10,7 +10,7 @@ import pytest
 from esea_host.connection.receiver import Batch
 from esea_host.recording import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
-from esea_host.windows.history import RowRing, curve, spans
+from esea_host.windows.feed import RowRing, curve, spans
 from esea_host.windows.trigger import SINGLE, Trigger, crossings
 
 LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))

@@ -136,9 +136,7 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
     monkeypatch.setattr(source, "waits", said.append)
     session.run()
     assert session.state.states[1] == FAILED
-    assert (
-        "impairment of flexion and deviation has not been switched on" in session.state.reasons[1]
-    )
+    assert "impairment of flexion and deviation has not changed over" in session.state.reasons[1]
     assert logged(session, "frames") == []
 
 

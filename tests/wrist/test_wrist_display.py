@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -158,7 +158,7 @@ def test_consistent_hash_does_not_excuse_impossible_values(calibration, tmp_path
         {"nodes_deg": axis.nodes_deg[:-1]},
         {"speeds_deg_s": (0.0,) * len(axis.nodes_deg)},
     ):
-        healthy = calibration.healthy.model_copy(update={"FE": axis.model_copy(update=change)})
+        healthy = calibration.healthy.model_copy(update={"FE": replace(axis, **change)})
         forged = calibration.model_copy(update={"healthy": healthy})
         forged = forged.model_copy(update={"sha256": forged.digest()})
         path = save_calibration(tmp_path / "forged.toml", forged)

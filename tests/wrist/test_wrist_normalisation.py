@@ -191,7 +191,7 @@ def test_speeds_at_nodes_of_a_swing():
     assert found.nodes_deg == (-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0)
     wanted = [2 * np.pi * 0.3 * np.sqrt(1600 - n * n) for n in found.nodes_deg]
     assert found.speeds_deg_s == pytest.approx(wanted, rel=5e-3)
-    assert len(crossings(t, theta, 10.0).speeds_deg_s) == 6  # three periods, either way
+    assert len(crossings([(t, theta)], 10.0)) == 6  # three periods, either way
 
 
 @pytest.mark.parametrize(
@@ -206,4 +206,4 @@ def test_speeds_at_nodes_of_a_swing():
 def test_live_quality_says_what_to_do(trace, keys):
     found = quality(-40.0, 40.0, [trace])
     assert {c.key for c in found} == keys
-    assert all(c.what and c.fix for c in found)
+    assert all(c.words for c in found)

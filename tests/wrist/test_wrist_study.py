@@ -34,9 +34,9 @@ from esea_host.wrist.analysis import (
     tracking,
 )
 from esea_host.wrist.calibration import calibrated, cursor_maps
-from esea_host.wrist.compared import outcome
 from esea_host.wrist.figures import distributions
 from esea_host.wrist.moving import Moving, advance, target_distance_deg
+from esea_host.wrist.sensitivity import outcome
 from esea_host.wrist.virtual import PROTOCOL, run_study, wrist_protocol
 from tests.analysis.test_cluster import Dask
 from tests.browser import browser, readable

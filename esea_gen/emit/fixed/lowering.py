@@ -15,11 +15,11 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.elementary import Elementary
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.fixed.values import (
+    FieldPlan,
     LoweredKernel,
     LoweredStep,
     LoweringError,
     Source,
-    Target,
     Value,
     local_name,
 )
@@ -71,16 +71,17 @@ class Lowering(Elementary):
         self.names.add(name)
         return name
 
-    def run(self, targets: Sequence[Sequence[Target]]) -> LoweredKernel:
-        self._cap(targets)
+    def run(self, fields: Sequence[FieldPlan], cut: bool = False) -> LoweredKernel:
+        """Lower every node and its conversion to the field that it fills, ``cut`` to its range."""
+        self._cap(fields)
         for i in range(len(self.kernel.nodes)):
             self.checking = i in self.checks
             self.values.append(self._once(i))
         self.checking = False
         saturations: list[str] = []
         results, errors = [], []
-        for r, t in zip(self.kernel.results, targets, strict=True):
-            pairs = [self._convert(i, x, saturations) for i, x in zip(r, t, strict=True)]
+        for r, f in zip(self.kernel.results, fields, strict=True):
+            pairs = [self._convert(i, f, cut, saturations) for i in r]
             results.append(tuple(p[0] for p in pairs))
             errors.append(tuple(p[1] for p in pairs))
         return LoweredKernel(
@@ -110,12 +111,12 @@ class Lowering(Elementary):
             self.marks.append(self.kept.marks.setdefault(key, len(self.kept.marks)))
         return v
 
-    def _cap(self, targets: Sequence[Sequence[Target]]) -> None:
+    def _cap(self, fields: Sequence[FieldPlan]) -> None:
         # A state that is only chosen or clipped passes through unrounded: nothing on its way is
         # finer than its port, so that it comes back as the very number that it was.
-        for r, t in zip(self.kernel.results, targets, strict=True):
-            for i, target in zip(r, t, strict=True):
-                self.caps[i] = min(target.fraction, self.caps.get(i, target.fraction))
+        for r, f in zip(self.kernel.results, fields, strict=True):
+            for i in r:
+                self.caps[i] = min(f.fraction, self.caps.get(i, f.fraction))
         for i in reversed(range(len(self.kernel.nodes))):
             n = self.kernel.nodes[i]
             if i in self.caps and n.op in ("fmin", "fmax", "select", "if_else_zero"):
@@ -140,24 +141,26 @@ class Lowering(Elementary):
         self.steps.append(LoweredStep(name, v.expr, comment, i))
         return Value(ex.named(name, v.expr), v.fraction, v.local, v.relative, v.constants)
 
-    def _convert(self, i: int, target: Target, saturations: list[str]) -> tuple[Expr, float]:
+    def _convert(
+        self, i: int, f: FieldPlan, cut: bool, saturations: list[str]
+    ) -> tuple[Expr, float]:
         v = self.values[i]
-        if target.word:
+        if f.word:
             if v is None or v.expr.bits != -32:
                 raise LoweringError(
-                    f"block {self.block}: status word {target.port} is not built by flag_word"
+                    f"block {self.block}: status word {f.name} is not built by flag_word"
                 )
             return v.expr, 0.0
         try:
-            e, rounding, constant = self.align(i, target.fraction, 32)
+            e, rounding, constant = self.align(i, f.fraction, 32)
         except OverflowProofError:
-            e, rounding, constant = self.align(i, target.fraction, 64)
-            saturations.append(target.port)
-        if (target.low, target.high) != ex.INT32:
+            e, rounding, constant = self.align(i, f.fraction, 64)
+            saturations.append(f.name)
+        if cut and (f.low, f.high) != ex.INT32:
             # Cut whether needed or not: what reads it is promised this range.
-            saturations.append(target.port)
-            e = ex.minimum(e, ex.literal(target.high, e.bits), e.bits)
-            e = ex.maximum(e, ex.literal(target.low, e.bits), e.bits)
+            saturations.append(f.name)
+            e = ex.minimum(e, ex.literal(f.high, e.bits), e.bits)
+            e = ex.maximum(e, ex.literal(f.low, e.bits), e.bits)
         return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
 
 

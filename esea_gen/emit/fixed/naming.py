@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.emit.fixed.kept import plan_block
-from esea_gen.emit.fixed.plan import FieldPlan
+from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.naming import Naming
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -28,7 +28,7 @@ def format_text(f: FieldPlan) -> str:
 
 def field_text(f: FieldPlan, group: str) -> str:
     """What a header says of a field's numbers: raw range, unit, what happens outside."""
-    if getattr(f.port, "flags", ()):
+    if f.word:
         return ""
     text = f"raw {f.low} to {f.high}, {format_text(f)}"
     behaviour = {
@@ -75,7 +75,7 @@ class FixedNaming(Naming):
         return tuple(
             self._scale(self._macro(block.name, group, f.name), f)
             for f in plan_block(block).fields[group]
-            if not getattr(f.port, "flags", ())
+            if not f.word
         )
 
     def task_scales(self, task: Task, group: str) -> tuple[str, ...]:

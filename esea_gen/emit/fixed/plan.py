@@ -13,7 +13,7 @@ import numpy as np
 from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import Kept, Lowering, rewrite
-from esea_gen.emit.fixed.values import LoweredKernel, Source, Target, best_fraction, stem
+from esea_gen.emit.fixed.values import FieldPlan, LoweredKernel, Source, best_fraction, stem
 from esea_gen.emit.local_names import meanings
 from esea_gen.emit.spans import Known
 from esea_gen.emit.step_errors import BEYOND
@@ -29,38 +29,6 @@ def port_fraction(port: Port | Tunable) -> int:
     if getattr(port, "flags", ()):
         return 0
     return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
-
-
-@dataclass(frozen=True)
-class FieldPlan:
-    port: Port | Tunable
-    fraction: int
-    low: int  # raw numbers of its range; of a coefficient, what prepare makes
-    high: int
-    checked: bool = False  # whether the step itself holds the coefficient against its port's range
-
-    @property
-    def name(self) -> str:
-        """C name of the field: the port's alone, for the format goes with the range."""
-        return str(self.port.name)
-
-    @property
-    def lsb(self) -> float:
-        return float(2.0**-self.fraction)
-
-    @property
-    def size(self) -> int:
-        return int(getattr(self.port, "size", 1))
-
-    @property
-    def port_range(self) -> tuple[int, int]:
-        scale = Fraction(2) ** self.fraction
-        low, high = Fraction(self.port.low) * scale, Fraction(self.port.high) * scale
-        return max(math.ceil(low), ex.INT32[0]), min(math.floor(high), ex.INT32[1])
-
-    def raw(self, value: float) -> int:
-        exact = math.floor(Fraction(value) * Fraction(2) ** self.fraction + Fraction(1, 2))
-        return min(max(exact, self.low), self.high)
 
 
 @dataclass(frozen=True)
@@ -91,7 +59,7 @@ def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
     index = "" if f.size == 1 else f"[{element}]"
     text = f"{pointer}->{f.name}{index}"
-    return f"(int32_t){text}" if getattr(f.port, "flags", ()) else text
+    return f"(int32_t){text}" if f.word else text
 
 
 def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
@@ -109,15 +77,6 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         return Source(base, _place(pointer, f, element), f.fraction, low, high, port, f.checked)
 
     return source
-
-
-def _targets(fields: Iterable[FieldPlan], cut: bool) -> list[list[Target]]:
-    out = []
-    for f in fields:
-        low, high = (f.low, f.high) if cut else ex.INT32
-        word = bool(getattr(f.port, "flags", ()))
-        out.append([Target(f.port.name, f.fraction, low, high, word) for _ in range(f.size)])
-    return out
 
 
 def _is_switch(port: Port, kernel: Kernel, result: int) -> bool:
@@ -151,8 +110,7 @@ def _prepare(
         least, most = math.floor(low * scale), math.ceil(high * scale)
         fields.append(FieldPlan(p, fraction, max(f.low, least), min(f.high, most)))
     others = meanings(block, "prepare", kernel, {}, stem)
-    targets = _targets(fields, True)
-    made = Lowering(kernel, source, wide=wide, block=block.name, others=others).run(targets)
+    made = Lowering(kernel, source, wide=wide, block=block.name, others=others).run(fields, True)
     return made, tuple(fields)
 
 
@@ -190,9 +148,8 @@ class Planner:
             "out": _fields(block.outputs, out),
         }
         init = rewrite(fuse_selects(walk(block.init)))
-        self.init = Lowering(init, _sources(("coeffs", coeffs)), block=block.name).run(
-            _targets(self.fields["state"], False)
-        )
+        lowering = Lowering(init, _sources(("coeffs", coeffs)), block=block.name)
+        self.init = lowering.run(self.fields["state"])
 
     def plan(self, why: Mapping[int, str] | None = None) -> BlockPlan:
         """Lower the step with a set of wide values, and why each is wide."""
@@ -209,7 +166,7 @@ class Planner:
             self.others,
             self.kept,
         )
-        step = lowering.run(_targets((*self.fields["state"], *self.fields["out"]), False))
+        step = lowering.run((*self.fields["state"], *self.fields["out"]))
         made = self.prepare, self.init, step
         return BlockPlan(block, self.fields, *made, self.facts, wide, self.labels)
 

@@ -76,7 +76,7 @@ def range_rows(plan: BlockPlan) -> Iterator[RangeRow]:
 
     for group, kind in KINDS.items():
         for f in plan.fields[group]:
-            if not getattr(f.port, "flags", ()):
+            if not f.word:
                 raw, unit = (f.low, f.high), "" if f.port.unit == "1" else f.port.unit
                 ends = f.low * f.lsb, f.high * f.lsb
                 yield RangeRow(f.name, kind, raw, ends, unit, 32, f.fraction, f.lsb, room(raw, 32))

@@ -190,7 +190,7 @@ def coarse_values(plan: BlockPlan) -> dict[int, str]:
     nodes, targets = plan.step.kernel.nodes, dict[int, int]()
     fields = (*plan.fields["state"], *plan.fields["out"])
     for r, f in zip(plan.step.kernel.results, fields, strict=True):
-        if not getattr(f.port, "flags", ()):
+        if not f.word:
             for i in r:
                 targets[i] = max(f.fraction, targets.get(i, f.fraction))
     out = {}

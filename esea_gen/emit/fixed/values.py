@@ -12,7 +12,7 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words, use_counts
-from esea_gen.language.ports import UNIT_SUFFIXES
+from esea_gen.language.ports import UNIT_SUFFIXES, Port, Tunable
 
 NARROW_LIMIT = 2**31 - 1
 WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two
@@ -75,12 +75,40 @@ class LoweredKernel:
 
 
 @dataclass(frozen=True)
-class Target:
-    port: str
+class FieldPlan:
+    port: Port | Tunable
     fraction: int
-    low: int = ex.INT32[0]
-    high: int = ex.INT32[1]
-    word: bool = False
+    low: int  # raw numbers of its range; of a coefficient, what prepare makes
+    high: int
+    checked: bool = False  # whether the step itself holds the coefficient against its port's range
+
+    @property
+    def name(self) -> str:
+        """C name of the field: the port's alone, for the format goes with the range."""
+        return str(self.port.name)
+
+    @property
+    def lsb(self) -> float:
+        return float(2.0**-self.fraction)
+
+    @property
+    def word(self) -> bool:
+        """Whether it is a status word."""
+        return bool(getattr(self.port, "flags", ()))
+
+    @property
+    def size(self) -> int:
+        return int(getattr(self.port, "size", 1))
+
+    @property
+    def port_range(self) -> tuple[int, int]:
+        scale = Fraction(2) ** self.fraction
+        low, high = Fraction(self.port.low) * scale, Fraction(self.port.high) * scale
+        return max(math.ceil(low), ex.INT32[0]), min(math.floor(high), ex.INT32[1])
+
+    def raw(self, value: float) -> int:
+        exact = math.floor(Fraction(value) * Fraction(2) ** self.fraction + Fraction(1, 2))
+        return min(max(exact, self.low), self.high)
 
 
 @cache

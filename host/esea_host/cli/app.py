@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -36,7 +36,7 @@ GROUPS = {
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
     "People, studies and what comes of them": {
-        "study": "study study_data session virtual",
+        "study": "study study_data session wrist",
         "assess": "assess",
         "analyse": "interaction wrist",
         "smoothness": "interaction",
@@ -78,6 +78,11 @@ class _Terminal(Console):
 
 # Words as they are: no markup in a title, no wrapping of a line that somebody will copy.
 out = _Terminal(highlight=False, markup=False, soft_wrap=True)
+
+
+def say(lines: Iterable[object]) -> None:
+    for line in lines:
+        out.print(line)
 
 
 def told(text: str) -> None:

@@ -6,9 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from esea_gen.board.blackbox import blackbox_csv, read_record
+from esea_gen.cli.options import option
 from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
 from esea_gen.emit.roles import board_roles
@@ -30,7 +29,7 @@ from esea_gen.link.parameters import find_parameter
 from esea_gen.link.session import Session
 from esea_gen.link.signing import new_key_path, set_aside
 from esea_gen.link.transport import LinkError
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, say
 from esea_host.cli.options import (
     AddressArgument,
     DeviceOption,
@@ -48,11 +47,11 @@ def kept(
     address: AddressArgument,
     encoder: Annotated[
         list[int] | None,
-        typer.Option(
+        option(
             "--encoder",
-            min=1,
-            help="Serial number that stands on an encoder; one for each, in the device's order. "
+            "Serial number that stands on an encoder; one for each, in the device's order. "
             "The board starts afresh.",
+            min=1,
         ),
     ] = None,
     device: DeviceOption = None,
@@ -79,8 +78,7 @@ def kept(
         out.print(f"zero in force: {told.zero}")
     out.print(", ".join(f"{n.replace('_', ' ')} {v}" for n, v in told.counters.items()))
     out.print(f"parameters: {total}")
-    for line in (*changed, *others):
-        out.print(line)
+    say((*changed, *others))
 
 
 def _changed(session: Session, kept: KeptValue) -> str:
@@ -103,7 +101,7 @@ def blackbox(
     address: AddressArgument,
     target: Annotated[Path, output_file("--out", "Table to write, CSV.")],
     release: Annotated[
-        bool, typer.Option("--release", help="Then let it go on; the board's copy is lost.")
+        bool, option("--release", "Then let it go on; the board's copy is lost.")
     ] = False,
     device: DeviceOption = None,
     key: KeyOption = None,
@@ -133,15 +131,15 @@ def life(
     address: AddressArgument,
     coupling: Annotated[
         list[int] | None,
-        typer.Option(
+        option(
             "--coupling",
-            min=1,
-            help="Serial number that stands on a coupling; one for each axis, in the device's "
+            "Serial number that stands on a coupling; one for each axis, in the device's "
             "order. What that coupling has borne before goes on.",
+            min=1,
         ),
     ] = None,
     forget: Annotated[
-        int | None, typer.Option("--forget", min=1, help="Forget a coupling that lies aside.")
+        int | None, option("--forget", "Forget a coupling that lies aside.", min=1)
     ] = None,
     json_file: JsonOption = None,
     device: DeviceOption = None,
@@ -205,10 +203,9 @@ def pair(
     device: DeviceOption = None,
     key: Annotated[
         Path | None,
-        typer.Option(
-            "--key",
-            metavar="FILE",
-            help="New file for the key; default: in the user's folder, where commands find it.",
+        option(
+            "--key FILE",
+            "New file for the key; default: in the user's folder, where commands find it.",
         ),
     ] = None,
 ) -> None:

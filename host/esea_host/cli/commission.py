@@ -10,10 +10,11 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.options import option
 from esea_gen.device import board_device
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.procedure import KnownLoad
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, say
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.cli.view import need_a_screen
 from esea_host.commissioning import (
@@ -43,31 +44,21 @@ def commission(
     device: DeviceOption = None,
     key: KeyOption = None,
     step: Annotated[
-        list[str] | None, typer.Option("--step", help=f"{NAMES}; again for more; default: all.")
+        list[str] | None, option("--step", f"{NAMES}; again for more; default: all.")
     ] = None,
     axis: Annotated[
-        str | None, typer.Option("--axis", help="Of a device with several; default: the first.")
+        str | None, option("--axis", "Of a device with several; default: the first.")
     ] = None,
     folder: Annotated[
-        Path | None,
-        typer.Option("--record", metavar="DIR", help="Default: commissioning/DEVICE-AXIS."),
+        Path | None, option("--record DIR", "Default: commissioning/DEVICE-AXIS.")
     ] = None,
-    terminal: Annotated[
-        bool,
-        typer.Option("--terminal", help="Without a window."),
-    ] = False,
-    mass: Annotated[float | None, typer.Option("--mass", help="Known mass in kg.")] = None,
-    arm: Annotated[float | None, typer.Option("--arm", help="Where it hangs, in m.")] = None,
-    angle: Annotated[float, typer.Option("--angle", help="Of the arm, deg off horizontal.")] = 0,
-    settle: Annotated[
-        float, typer.Option("--settle", help="Of each load, s.")
-    ] = StepOptions.settle_s,
-    judge: Annotated[
-        float, typer.Option("--judge", help="Of each load, s.")
-    ] = StepOptions.record_s,
-    repeats: Annotated[
-        int, typer.Option("--repeats", help="Loads in each direction.")
-    ] = StepOptions.repeats,
+    terminal: Annotated[bool, option("--terminal", "Without a window.")] = False,
+    mass: Annotated[float | None, option("--mass", "Known mass in kg.")] = None,
+    arm: Annotated[float | None, option("--arm", "Where it hangs, in m.")] = None,
+    angle: Annotated[float, option("--angle", "Of the arm, deg off horizontal.")] = 0,
+    settle: Annotated[float, option("--settle", "Of each load, s.")] = StepOptions.settle_s,
+    judge: Annotated[float, option("--judge", "Of each load, s.")] = StepOptions.record_s,
+    repeats: Annotated[int, option("--repeats", "Loads in each direction.")] = StepOptions.repeats,
 ) -> None:
     """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record.
 
@@ -87,22 +78,15 @@ def commission(
             from esea_host.windows.commission import run_commissioning
 
             run_commissioning(bench, chosen, options, record)
-            passed = all(_passed(record, s, bench) for s in chosen)
+            last = [record.last(s.name, bench.board.digest) for s in chosen]
+            passed = all(entry is not None and entry["passed"] for entry in last)
         else:
             passed = _in_terminal(bench, chosen, options, record)
     all_steps = tuple((s.name, s.title) for s in steps_of(bench.board))
-    for line in record.summary(all_steps, bench.board.digest):
-        out.print(line)
+    say(record.summary(all_steps, bench.board.digest))
     out.print(f"record: {record.folder}")
     if not passed:
         raise typer.Exit(1)
-
-
-def _passed(
-    record: CommissioningRecord, step: CommissioningStep, bench: CommissioningBench
-) -> bool:
-    entry = record.last(step.name, bench.board.digest)
-    return bool(entry and entry["passed"])
 
 
 def _check(names: list[str], options: StepOptions) -> None:
@@ -170,8 +154,7 @@ def _in_terminal(
     options: StepOptions,
     record: CommissioningRecord,
 ) -> bool:
-    for line in guide(bench.board):
-        out.print(line)
+    say(guide(bench.board))
     passed = True
     for step in chosen:
         if step.name == "torque" and options.known is None:
@@ -185,8 +168,7 @@ def _in_terminal(
             bench.device.stop()
             out.print(f"{step.title}: ended; the board is told to stop")
             return False
-        for line in result.lines():
-            out.print(line)
+        say(result.lines())
         record.add(result, bench.device.identity)
         passed = passed and result.passed
         if not result.passed:

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.options import FigureOption
+from esea_gen.cli.options import FigureOption, option
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import read_table
-from esea_host.cli.app import app, out, say_left_out
+from esea_host.cli.app import app, out, say, say_left_out
 from esea_host.cli.options import JsonOption, ReportOption
 from esea_host.cli.study import FolderArgument, opened, study_app
 
@@ -29,11 +29,6 @@ def _draw(path: Path | None, figure: Any) -> None:
     if path is not None:
         with written_whole(path) as scratch:
             figure.savefig(scratch, dpi=150)
-
-
-def _say(lines: list[str]) -> None:
-    for line in lines:
-        out.print(line)
 
 
 @analyse.command()
@@ -78,7 +73,7 @@ def _shown_study(folder: Path, json_file: Path | None, report: Path | None, blin
     out.print("BLINDED: neutral names for the two elements; their order was drawn at random.")
     swapped = names[SPRING] != min(names.values())
     order = dict(zip(ELEMENTS, sorted(names.values()), strict=True))
-    _say(lines(analyse_interaction(folder, True, swapped), order))
+    say(lines(analyse_interaction(folder, True, swapped), order))
 
 
 def checked_page(report: Path | None) -> None:
@@ -91,7 +86,7 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
     from esea_host.interaction.words import lines
 
     found = analyse_interaction(folder)
-    _say(lines(found))
+    say(lines(found))
     write_json(json_file, "host-interaction", found.to_dict())
     if report is not None:
         from esea_host.interaction.figures import render_report
@@ -102,9 +97,9 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
 @analyse.command()
 def loading(
     file: FileArgument,
-    rest: Annotated[float, typer.Option("--rest", help="Angle at rest, rad.")] = 0.0,
+    rest: Annotated[float, option("--rest", "Angle at rest, rad.")] = 0.0,
     skip_first: Annotated[
-        bool, typer.Option("--skip-first", help="Leave out the very first loading.")
+        bool, option("--skip-first", "Leave out the very first loading.")
     ] = False,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -117,7 +112,7 @@ def loading(
     table = longest_run(read_table(file))
     theta, tau = (table.numbers(column_of(table, n)) for n in ("theta_rad", "tau_Nm"))
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
-    _say([reported(table), *found.lines()])
+    say([reported(table), *found.lines()])
     write_json(json_file, "host-loading", found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found))
 
@@ -128,7 +123,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
     from esea_host.interaction.survey import diverging_bars, read_survey
 
     found = read_survey(file)
-    _say(found.lines())
+    say(found.lines())
     write_json(json_file, "host-survey", found.to_dict())
     _draw(figure, diverging_bars(found))
 
@@ -154,16 +149,16 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
     from esea_host.interaction.comments import read_comments
 
     found = read_comments(file)
-    _say(found.lines())
+    say(found.lines())
     write_json(json_file, "host-comments", found.to_dict())
 
 
 @analyse.command()
 def power(
-    people: Annotated[int, typer.Option("--people", help="People with both conditions.")] = 10,
-    tests: Annotated[int, typer.Option("--tests", min=1, help="Comparisons of the family.")] = 1,
+    people: Annotated[int, option("--people", "People with both conditions.")] = 10,
+    tests: Annotated[int, option("--tests", "Comparisons of the family.", min=1)] = 1,
     sd: Annotated[
-        float, typer.Option("--sd", help="Standard deviation of the differences, in their unit.")
+        float, option("--sd", "Standard deviation of the differences, in their unit.")
     ] = math.nan,
     json_file: JsonOption = None,
 ) -> None:
@@ -186,23 +181,18 @@ def smoothness(
     file: FileArgument,
     column: Annotated[
         str | None,
-        typer.Option(
-            "--column", help="Angle, position or their speed; default: by its name and unit."
-        ),
+        option("--column", "Angle, position or their speed; default: by its name and unit."),
     ] = None,
     time: Annotated[
-        str | None, typer.Option("--time", help="Column of the time; default: by its name.")
+        str | None, option("--time", "Column of the time; default: by its name.")
     ] = None,
     time_unit: Annotated[
-        str | None, typer.Option("--time-unit", help="s, ms, us or ns; default: by its name, or s.")
+        str | None, option("--time-unit", "s, ms, us or ns; default: by its name, or s.")
     ] = None,
-    stop_Hz: Annotated[float, typer.Option("--stop", help="Stop band of the filter, Hz.")] = 4.0,
-    last_s: Annotated[
-        float | None, typer.Option("--last", help="Analyse the last so many seconds.")
-    ] = None,
+    stop_Hz: Annotated[float, option("--stop", "Stop band of the filter, Hz.")] = 4.0,
+    last_s: Annotated[float | None, option("--last", "Analyse the last so many seconds.")] = None,
     resample_Hz: Annotated[
-        float | None,
-        typer.Option("--resample", help="Rate in Hz, for frames at irregular times; reported."),
+        float | None, option("--resample", "Rate in Hz, for frames at irregular times; reported.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -210,5 +200,5 @@ def smoothness(
     from esea_host.interaction.own_data import measure_file
 
     found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz, time_unit)
-    _say(found.lines())
+    say(found.lines())
     write_json(json_file, "host-smoothness", found.to_dict())

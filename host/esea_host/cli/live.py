@@ -16,7 +16,7 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
-from esea_gen.cli.options import writable
+from esea_gen.cli.options import option, writable
 from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import read_whole, write_json
@@ -60,13 +60,13 @@ def monitor(
     address: AddressArgument,
     stream: Annotated[
         list[str] | None,
-        typer.Option("--stream", help="Which to show; again for more; default: all axes' sensing."),
+        option("--stream", "Which to show; again for more; default: all axes' sensing."),
     ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
     jsonl: Annotated[
-        bool, typer.Option("--jsonl", help="One JSON object a line for each run, for scripts.")
+        bool, option("--jsonl", "One JSON object a line for each run, for scripts.")
     ] = False,
     rate: RateOption = None,
 ) -> None:
@@ -143,15 +143,12 @@ def record(
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
-    compress: Annotated[bool, typer.Option("--compress", help="With zstandard.")] = False,
+    compress: Annotated[bool, option("--compress", "With zstandard.")] = False,
     signal: Annotated[
-        list[str] | None,
-        typer.Option("--signal", help="Only these values, such as tau_Nm; again for more."),
+        list[str] | None, option("--signal", "Only these values, such as tau_Nm; again for more.")
     ] = None,
-    rate: Annotated[
-        float, typer.Option("--rate", min=0.0, help="Of --signal, a second; 0: every run.")
-    ] = 0.0,
-    note: Annotated[str, typer.Option("--note", help="Written into it at the start.")] = "",
+    rate: Annotated[float, option("--rate", "Of --signal, a second; 0: every run.", min=0.0)] = 0.0,
+    note: Annotated[str, option("--note", "Written into it at the start.")] = "",
 ) -> None:
     """Record a board; gaps are counted, shown and kept.
 
@@ -193,11 +190,9 @@ def bridge(
     address: AddressArgument,
     foxglove: Annotated[
         int | None,
-        typer.Option(
-            "--foxglove", metavar="PORT", min=0, max=65535, help="WebSocket server; 0: any."
-        ),
+        option("--foxglove", "WebSocket server; 0: any.", metavar="PORT", min=0, max=65535),
     ] = None,
-    lsl: Annotated[bool, typer.Option("--lsl", help="Lab Streaming Layer.")] = False,
+    lsl: Annotated[bool, option("--lsl", "Lab Streaming Layer.")] = False,
     stream: StreamOption = None,
     device: DeviceOption = None,
     key: KeyOption = None,
@@ -255,17 +250,14 @@ def parameters(
     device: DeviceOption = None,
     key: KeyOption = None,
     assign: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="name=value, such as smc.lambda_1_s=12; again for more."),
+        list[str] | None, option("--set", "name=value, such as smc.lambda_1_s=12; again for more.")
     ] = None,
     save: Annotated[
         Path | None, output_file("--save", "Write the values into a JSON file.")
     ] = None,
-    load: Annotated[
-        Path | None, typer.Option("--load", help="Set those of a JSON file that differ.")
-    ] = None,
+    load: Annotated[Path | None, option("--load", "Set those of a JSON file that differ.")] = None,
     compare: Annotated[
-        Path | None, typer.Option("--compare", help="Show only what differs from a JSON file.")
+        Path | None, option("--compare", "Show only what differs from a JSON file.")
     ] = None,
 ) -> None:
     """List, set, save, load or compare a board's parameters; what changes is shown first."""
@@ -319,31 +311,26 @@ def _read(path: Path) -> dict[str, float]:
 @app.command()
 def sim(
     device: Annotated[str, typer.Argument(help="Such as elbow_drive or knee.")],
-    tcp: Annotated[
-        int | None, typer.Option("--tcp", min=0, max=65535, help="Port; 0: any.")
-    ] = None,
-    pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal in place of TCP.")] = False,
+    tcp: Annotated[int | None, option("--tcp", "Port; 0: any.", min=0, max=65535)] = None,
+    pty: Annotated[bool, option("--pty", "A pseudo terminal in place of TCP.")] = False,
     person: Annotated[
-        str | None, typer.Option("--person", help="Who is in a driven joint; default: uncertain.")
+        str | None, option("--person", "Who is in a driven joint; default: uncertain.")
     ] = None,
     plant: Annotated[
-        str | None, typer.Option("--plant", help="Of a drive: ideal, real (default) or random.")
+        str | None, option("--plant", "Of a drive: ideal, real (default) or random.")
     ] = None,
     motion: Annotated[
         str | None,
-        typer.Option(
-            "--motion", help="Of a passive joint: person (default), therapist or a table (.csv)."
-        ),
+        option("--motion", "Of a passive joint: person (default), therapist or a table (.csv)."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
-    speed: Annotated[float, typer.Option("--speed", help="1: real time; 0: as it is read.")] = 1.0,
-    board: Annotated[str, typer.Option("--board", help="sim (f32) or sim-q31.")] = "sim",
+    speed: Annotated[float, option("--speed", "1: real time; 0: as it is read.")] = 1.0,
+    board: Annotated[str, option("--board", "sim (f32) or sim-q31.")] = "sim",
     spring: Annotated[
-        float,
-        typer.Option("--spring", min=0.0, help="Nm/deg of a spring in the elastomer's place."),
+        float, option("--spring", "Nm/deg of a spring in the elastomer's place.", min=0.0)
     ] = 0.0,
     zeroed: Annotated[
-        bool, typer.Option("--zeroed", help="Its encoders are zeroed before it is served.")
+        bool, option("--zeroed", "Its encoders are zeroed before it is served.")
     ] = False,
 ) -> None:
     """Serve a simulated board: the firmware's application, a virtual joint, a virtual person."""

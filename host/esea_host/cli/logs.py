@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.cli.options import writable
+from esea_gen.cli.options import option, writable
 from esea_gen.errors import UserError
 from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
@@ -21,7 +21,7 @@ from esea_host.recording.integrity import warn_unless_complete
 FORMATS = ("csv", "parquet", "bids")
 EVENTS = ("gap", "note", "clock", "parameter", "parameters", "board_clock")
 MOST_LINES = 20
-SpeedOption = Annotated[float, typer.Option("--speed", min=0.0, help="1: as it was; 0: at once.")]
+SpeedOption = Annotated[float, option("--speed", "1: as it was; 0: at once.", min=0.0)]
 
 
 @app.command()
@@ -63,15 +63,14 @@ def _list(what: str, found: Sequence[object]) -> None:
 def replay(
     path: LogArgument,
     verify: Annotated[
-        bool, typer.Option("--verify", help="Compute it again with the C that made it.")
+        bool, option("--verify", "Compute it again with the C that made it.")
     ] = False,
     allow_damage: Annotated[
-        bool,
-        typer.Option("--allow-damage", help="With --verify: pass if what is left is the C's."),
+        bool, option("--allow-damage", "With --verify: pass if what is left is the C's.")
     ] = False,
     stream: OneStreamOption = None,
     speed: SpeedOption = 1.0,
-    view: Annotated[bool, typer.Option("--view", help="Play it in the live view.")] = False,
+    view: Annotated[bool, option("--view", "Play it in the live view.")] = False,
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
 ) -> None:
@@ -116,8 +115,8 @@ def export(
     target: Annotated[Path, typer.Argument(help="File, or folder of the BIDS data set.")],
     to: Annotated[str, typer.Option("--to", help=", ".join(FORMATS))] = "csv",
     stream: OneStreamOption = None,
-    subject: Annotated[str, typer.Option("--subject", help="BIDS: label.")] = "01",
-    task: Annotated[str, typer.Option("--task", help="BIDS: label.")] = "torque",
+    subject: Annotated[str, option("--subject", "BIDS: label.")] = "01",
+    task: Annotated[str, option("--task", "BIDS: label.")] = "torque",
 ) -> None:
     """Write a stream for other programs; units are in the header, gaps stay gaps."""
     from esea_host.recording.export import to_bids, to_csv, to_parquet
@@ -140,7 +139,7 @@ def import_(
         Path, typer.Argument(help="Log of another machine: CSV, Parquet, MAT, HDF5 or JSON.")
     ],
     target: Annotated[Path, typer.Argument(callback=writable, help="Recording to write (.mcap).")],
-    mapping: Annotated[Path, typer.Option("--mapping", help="TOML: which column is what.")],
+    mapping: Annotated[Path, option("--mapping", "TOML: which column is what.")],
 ) -> None:
     """Make a recording of another machine's log; its faults are reported."""
     from esea_host.recording.foreign import import_table, read_mapping

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from esea_gen.cli.options import JsonOption, writable
+from esea_gen.cli.options import JsonOption, option, writable
 
 __all__ = ["JsonOption"]
 
@@ -23,42 +23,34 @@ AddressArgument = Annotated[
     typer.Argument(help="Where the board is: tcp:host:port, serial:/dev/..., pty:..., sim:knee."),
 ]
 DeviceOption = Annotated[
-    str | None,
-    typer.Option("--device", help="Device that it must be: name or file; default: any shipped."),
+    str | None, option("--device", "Device that it must be: name or file; default: any shipped.")
 ]
 KeyOption = Annotated[
     Path | None,
-    typer.Option(
-        "--key",
-        metavar="FILE",
-        help="Key of a board that is paired; default: the one that esea-host pair stored.",
+    option(
+        "--key FILE", "Key of a board that is paired; default: the one that esea-host pair stored."
     ),
 ]
 LogArgument = Annotated[Path, typer.Argument(help="A recording (.mcap).")]
 SecondsOption = Annotated[
-    float | None, typer.Option("--seconds", min=0.0, help="End after so long; default: Ctrl+C.")
+    float | None, option("--seconds", "End after so long; default: Ctrl+C.", min=0.0)
 ]
 StreamOption = Annotated[
-    list[str] | None,
-    typer.Option("--stream", help="Stream, such as sense_out; again for more; default: all."),
+    list[str] | None, option("--stream", "Stream, such as sense_out; again for more; default: all.")
 ]
 OneStreamOption = Annotated[
-    str | None,
-    typer.Option("--stream", help="Which; default: what the first axis is sensed to do."),
+    str | None, option("--stream", "Which; default: what the first axis is sensed to do.")
 ]
 RateOption = Annotated[
-    float | None, typer.Option("--rate", min=0.001, help="Runs a second; default: every one.")
+    float | None, option("--rate", "Runs a second; default: every one.", min=0.001)
 ]
 RecordOption = Annotated[Path | None, output_file("--record", "Record meanwhile (.mcap).")]
 ReportOption = Annotated[Path | None, output_file("--report", "Write one HTML page.")]
 ScreenshotOption = Annotated[Path | None, output_file("--screenshot", "Picture before it closes.")]
 CloseAfterOption = Annotated[
-    float | None,
-    typer.Option("--seconds", min=1.0, max=1e6, help="Close the window after so long."),
+    float | None, option("--seconds", "Close the window after so long.", min=1.0, max=1e6)
 ]
-DarkOption = Annotated[
-    bool | None, typer.Option("--dark/--light", help="Default: as the desktop has it.")
-]
+DarkOption = Annotated[bool | None, option("--dark/--light", "Default: as the desktop has it.")]
 
 # Rooms whose tasks register themselves when they are read.
 SHIPPED_TASKS = ("esea_host.assess.tasks", "esea_host.interaction", "esea_host.wrist")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_host.cli.app import out
 from esea_host.cli.options import KeyOption
@@ -50,27 +51,23 @@ class PatchMode(StrEnum):
 
 DeviceOption = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--device",
-        help="A study of real people has no default. simulated: each task's own person; virtual: "
+        "A study of real people has no default. simulated: each task's own person; virtual: "
         "a person in the virtual device; pointer: you, moving that person's hand with the mouse; "
         "or a board: serial:..., tcp:..., sim:wrist_drive with a person in it",
     ),
 ]
-HeadlessOption = Annotated[bool, typer.Option("--headless", help="Without windows.")]
-SeedOption = Annotated[
-    int | None, typer.Option("--seed", help="Of the simulated participant; default: 1.")
-]
+HeadlessOption = Annotated[bool, option("--headless", "Without windows.")]
+SeedOption = Annotated[int | None, option("--seed", "Of the simulated participant; default: 1.")]
 SpeedOption = Annotated[
-    float, typer.Option("--speed", min=0.1, help="In windows: simulated time against the clock's.")
+    float, option("--speed", "In windows: simulated time against the clock's.", min=0.1)
 ]
 DarkOption = Annotated[
-    bool | None,
-    typer.Option("--dark/--light", help="Default: dark; the operator's as the desktop has it."),
+    bool | None, option("--dark/--light", "Default: dark; the operator's as the desktop has it.")
 ]
 MassOption = Annotated[
-    float | None,
-    typer.Option("--mass", min=0.01, help="kg, by which the element of a board is confirmed."),
+    float | None, option("--mass", "kg, by which the element of a board is confirmed.", min=0.01)
 ]
 
 
@@ -113,43 +110,37 @@ def run(
     device: DeviceOption = None,
     key: KeyOption = None,
     arm: Annotated[
-        bool, typer.Option("--arm", help="A board: zero and arm it first; it is asked for 0 Nm.")
+        bool, option("--arm", "A board: zero and arm it first; it is asked for 0 Nm.")
     ] = False,
     headless: HeadlessOption = False,
     seed: SeedOption = None,
     speed: SpeedOption = 1.0,
     language: Annotated[
-        str, typer.Option("--language", help="Of both windows: en, de; default: the protocol's.")
+        str, option("--language", "Of both windows: en, de; default: the protocol's.")
     ] = "",
     patch: Annotated[
-        PatchMode,
-        typer.Option("--patch", help="Square for a photodiode: with every frame, or at an onset."),
+        PatchMode, option("--patch", "Square for a photodiode: with every frame, or at an onset.")
     ] = PatchMode.off,
     dark: DarkOption = None,
-    close: Annotated[bool, typer.Option("--close", help="Close the windows at the end.")] = False,
+    close: Annotated[bool, option("--close", "Close the windows at the end.")] = False,
     hold: Annotated[
-        bool,
-        typer.Option("--hold", help="Wait for you after a calibration that was not good enough."),
+        bool, option("--hold", "Wait for you after a calibration that was not good enough.")
     ] = False,
     early: Annotated[
-        str, typer.Option("--early", help="Why the session comes before its washout is over.")
+        str, option("--early", "Why the session comes before its washout is over.")
     ] = "",
     mass: MassOption = None,
     lever: Annotated[
-        float | None, typer.Option("--lever", min=0.01, help="m, from the joint to where it hangs.")
+        float | None, option("--lever", "m, from the joint to where it hangs.", min=0.01)
     ] = None,
     rehearsal: Annotated[
-        bool,
-        typer.Option(
-            "--rehearsal", help="Try the session out, with any device; it counts for nobody."
-        ),
+        bool, option("--rehearsal", "Try the session out, with any device; it counts for nobody.")
     ] = False,
     opening: Annotated[
         str,
-        typer.Option(
-            "--open",
-            metavar="CODE",
-            help="First session: opening code of the participant's place, or the sealed list.",
+        option(
+            "--open CODE",
+            "First session: opening code of the participant's place, or the sealed list.",
         ),
     ] = "",
     trust: TrustOption = None,
@@ -157,6 +148,7 @@ def run(
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
     study = opened(folder, trust, operator=operator)
+    study.protocol.words(language)  # refused before anything is written
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
     if rehearsal and begun:
         raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
@@ -226,7 +218,6 @@ def _remains(path: Path) -> bool:
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
-    study.protocol.words(asked.language)
     if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
         raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:
@@ -353,7 +344,7 @@ def _source(
 
 def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
     from esea_gen.studies.torque_check.procedure import KnownLoad
-    from esea_host.interaction.on_board import ElementBoard, ProcessHands
+    from esea_host.interaction.on_board import ElementBoard, process_hands
 
     if (asked.mass is None) != (asked.lever is None):
         raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
@@ -364,7 +355,7 @@ def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Aske
     if address is None or address.kind != "sim":
         return ElementBoard(source, known)
     return ElementBoard(
-        source, known, ProcessHands(source.device), _person(study, code, asked.seed)
+        source, known, process_hands(source.device), _person(study, code, asked.seed)
     )
 
 

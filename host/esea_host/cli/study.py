@@ -118,6 +118,7 @@ def create(
 ) -> None:
     """Make a study's folder from a protocol, of real people or a simulated one."""
     from esea_host.study.folder import StudyFolder
+    from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
 
     if simulated is None:
@@ -128,6 +129,7 @@ def create(
     trusted(trust)
     know_shipped_tasks()
     protocol = load_protocol(file, task or [])
+    explain(protocol)  # every session can be planned
     with new_whole(folder) as scratch:
         StudyFolder.create(scratch, protocol, simulated, by=operator)
     trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
@@ -222,6 +224,18 @@ def event(
         raise UserError(f"{', '.join(unused)}: of adverse events.", "Leave it out.")
     study.record(kind.value, **given)
     out.print(f"{folder}: {kind.value} recorded")
+
+
+@study_app.command("withdraw")
+def withdraw(
+    folder: FolderArgument,
+    code: CodeArgument,
+    reason: ReasonOption = "",
+    operator: OperatorOption = "",
+) -> None:
+    """A participant withdraws: the data stays, and nothing uses it any more; no reason is owed."""
+    opened(folder, runs=False, operator=operator).withdraw(code, reason)
+    out.print(f"{code} has withdrawn: no more sessions, and no use of the data from now on")
 
 
 @study_app.command("repair")

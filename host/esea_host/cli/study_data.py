@@ -130,7 +130,7 @@ def export(
     study.record("export", form=as_.value, labels=labels, written=written)
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
     if found := _identifying(study, to):
-        out.print(f"{len(found)} things could identify a person: study export {folder} --check")
+        out.print(f"Before you share it: study export {folder} --check has {len(found)} findings.")
     if study.left_out:
         raise typer.Exit(1)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from esea_gen.cli.options import writable
+from esea_gen.cli.options import option, writable
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
@@ -96,12 +96,11 @@ def watch_recording(
 @app.command()
 def demo(
     device: Annotated[
-        str, typer.Option("--device", help="Without a window one with a drive.")
+        str, option("--device", "Without a window one with a drive.")
     ] = "elbow_drive",
-    headless: Annotated[bool, typer.Option("--headless", help="Without a window.")] = False,
+    headless: Annotated[bool, option("--headless", "Without a window.")] = False,
     seconds: Annotated[
-        float | None,
-        typer.Option("--seconds", help="Of torque control; default: 10, or until it is closed."),
+        float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
     ] = None,
     report: Annotated[
         Path, typer.Option("--report", callback=writable, help="Page to draw (.png).")
@@ -110,7 +109,7 @@ def demo(
         Path | None, output_file("--recording", "Default: beside the page.")
     ] = None,
     person: Annotated[
-        str | None, typer.Option("--person", help="Who is in the joint; default: uncertain.")
+        str | None, option("--person", "Who is in the joint; default: uncertain.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
 ) -> None:
@@ -157,10 +156,9 @@ def wrist(
     address: AddressArgument,
     calibration: Annotated[
         Path | None,
-        typer.Option(
-            "--calibration",
-            metavar="FILE",
-            help="Calibration to normalise with (.toml); if there is none, a new one goes there.",
+        option(
+            "--calibration FILE",
+            "Calibration to normalise with (.toml); if there is none, a new one goes there.",
         ),
     ] = None,
     device: DeviceOption = None,
@@ -171,9 +169,9 @@ def wrist(
     screenshot: ScreenshotOption = None,
     headless: Annotated[
         bool,
-        typer.Option(
+        option(
             "--headless",
-            help="Without a screen; sim: is calibrated first, and recorded while constrained.",
+            "Without a screen; sim: is calibrated first, and recorded while constrained.",
         ),
     ] = False,
 ) -> None:

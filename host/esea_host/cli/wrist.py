@@ -1,7 +1,8 @@
-"""``analyse wrist``: the wrist study's tables, and its methods compared."""
+"""``study virtual``: a whole study with virtual participants; ``analyse wrist``: its tables."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from esea_gen.cli.options import ClusterOption, JobsOption, option
+from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.cli.app import out, say_left_out
+from esea_host.cli.app import out, say_left_out, told
 from esea_host.cli.interaction import analyse as analyse_app
-from esea_host.cli.options import JsonOption, ReportOption, output_file
+from esea_host.cli.interaction import checked_page, shown_interaction
+from esea_host.cli.options import JsonOption, ReportOption, know_shipped_tasks, output_file
+from esea_host.cli.study import TrustOption, study_app, trusted
 
 if TYPE_CHECKING:
     from esea_host.wrist.analysis import WristResult
@@ -50,8 +55,8 @@ class VirtualRun:
 
 def compare_wrist(asked: VirtualRun) -> None:
     from esea_host.wrist.calibration import AXES
-    from esea_host.wrist.compared import compare_methods
     from esea_host.wrist.figures import number
+    from esea_host.wrist.sensitivity import compare_methods
 
     found = compare_methods(*asked.whom, cluster=asked.cluster)
     heads = (
@@ -93,6 +98,88 @@ def shift_wrist(asked: VirtualRun) -> None:
     write_json(asked.to_json, "host-wrist-sensitivity", {"simulated": True, "runs": runs})
     if asked.report:
         write_whole(asked.report, sensitivity_page(runs, asked.participants))
+
+
+@study_app.command("virtual")
+def virtual(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="wrist, interaction, or a protocol file.")
+    ],
+    participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
+    seed: Annotated[int, option("--seed", "The same seed, the same study.", min=0)] = 1,
+    jobs: JobsOption = -1,
+    cluster: ClusterOption = None,
+    trust: TrustOption = None,
+    method: Annotated[
+        str, option("--method", "Wrist: normalisation none, linear, published or rbf.")
+    ] = "rbf",
+    compare: Annotated[bool, option("--compare", "Wrist: the study under every method.")] = False,
+    sensitivity: Annotated[
+        bool, option("--sensitivity", "Wrist: with each number of people shifted.")
+    ] = False,
+    keep: Annotated[Path | None, option("--keep FOLDER", "Keep the study's folder.")] = None,
+    to_json: JsonOption = None,
+    report: ReportOption = None,
+) -> None:
+    """A whole study with virtual participants; all that comes of it is simulated."""
+    from esea_host.wrist.calibration import METHODS
+
+    if method not in METHODS:
+        raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
+    trusted(trust)
+    if sensitivity and study != "wrist":
+        raise UserError("--sensitivity is of the wrist study.", "Leave it out, or ask for wrist.")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = keep or Path(scratch) / "study"
+        asked = VirtualRun(folder, participants, seed, jobs, cluster, to_json, report)
+        early: list[str] = []
+        if study == "wrist" and compare:
+            compare_wrist(asked)
+        elif sensitivity:
+            shift_wrist(asked)
+        elif study == "wrist":
+            early = _wrist(asked, method)
+        elif study == "interaction":
+            early = _interaction(asked)
+        else:
+            early = _any_protocol(Path(study), asked)
+        for reason in early:
+            out.print(f"ended early: {reason}")
+
+
+def _wrist(asked: VirtualRun, method: str) -> list[str]:
+    from esea_host.wrist.analysis import analyse
+    from esea_host.wrist.virtual import run_study
+
+    early = run_study(*asked.whom, method, cluster=asked.cluster, say=told)
+    shown_wrist(analyse(asked.folder), asked.to_json, asked.report, None)
+    return early
+
+
+def _interaction(asked: VirtualRun) -> list[str]:
+    from esea_host.interaction.virtual import run_crossover
+
+    if asked.participants < 2:
+        raise UserError(f"--participants {asked.participants}.", "A comparison needs at least 2.")
+    checked_page(asked.report)
+    early = run_crossover(*asked.whom, cluster=asked.cluster, say=told)
+    shown_interaction(asked.folder, asked.to_json, asked.report)
+    return early
+
+
+def _any_protocol(path: Path, asked: VirtualRun) -> list[str]:
+    from esea_host.study.folder import StudyFolder
+    from esea_host.study.many import EveryTask, code_of, run_everybody
+    from esea_host.study.protocol import load_protocol
+
+    know_shipped_tasks()
+    folder, participants, seed, jobs = asked.whom
+    given = folder, load_protocol(path), participants, EveryTask(seed), jobs, asked.cluster
+    early = run_everybody(*given, told)
+    study = StudyFolder.open(folder, runs=False)
+    rows = sum(len(study.rows(code_of(k))) for k in range(participants))
+    out.print(f"{participants} SIMULATED participants: {rows} trials completed")
+    return early
 
 
 @analyse_app.command("wrist")
@@ -149,9 +236,7 @@ def shown_wrist(
 def analyse_reaches(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Imported recordings.")],
     to_json: JsonOption = None,
-    stream: Annotated[
-        str, typer.Option("--stream", help="Stream with cursor and target.")
-    ] = "reach",
+    stream: Annotated[str, option("--stream", "Stream with cursor and target.")] = "reach",
 ) -> None:
     """The motor-learning task's numbers on reaching to targets that stand, a line a recording."""
     from esea_host.recording.integrity import warn_unless_complete
@@ -177,5 +262,5 @@ def analyse_reaches(
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    told = {k: {"summary": summary(v), "reaches": v} for k, v in found.items()}
-    write_json(to_json, "host-reaches", {"files": told})
+    content = {k: {"summary": summary(v), "reaches": v} for k, v in found.items()}
+    write_json(to_json, "host-reaches", {"files": content})

@@ -13,8 +13,8 @@ from esea_gen.twin.published import Person
 from esea_gen.twin.stepped import EMPTY
 from esea_host.commissioning.bench import CommissioningBench, HandAct
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from esea_host.simulated.attendant import HANGING, LAID_ON_TICKS, LOCKED, led_path
 from esea_host.simulated.motion import SteppedCoupling
+from esea_host.simulated.server import HANGING, LAID_ON_TICKS, LOCKED, led_path
 
 # A firm grip.
 GRIP = dataclasses.replace(EMPTY, spring_Nm_rad=60.0, damping_Nms_rad=6.0, gravity_Nm=0.0)

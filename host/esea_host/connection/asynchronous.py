@@ -18,7 +18,7 @@ class AsyncDevice:
     Parameters
     ----------
     address : str
-        Where the board is.
+        As for :func:`open_device`.
     device : str, optional
         What it must be.
     key : Path, optional
@@ -76,16 +76,4 @@ class AsyncDevice:
             batches.close()
 
 
-def connect(address: str, device: str | None = None, key: Path | None = None) -> AsyncDevice:
-    """Connect to a board from a program with an event loop.
-
-    Parameters
-    ----------
-    address : str
-        As for :func:`open_device`.
-    device : str, optional
-        What it must be.
-    key : Path, optional
-        File of its key, where it is paired; default: the stored one that it takes.
-    """
-    return AsyncDevice(address, device, key)
+connect = AsyncDevice  # as it reads: async with connect(...) as device

@@ -34,14 +34,8 @@ BEFORE_BYTES = HEADER_BYTES - 1
 _WHOLE = [struct.Struct(f"<{BEFORE_BYTES + n}sH").unpack_from for n in range(256)]
 _ONE = 0x010000  # one more in the sequence
 TICK = "sequence"
-_FAST: Any = getattr(mavcrc, "mcrf4xx", None)  # in C, where pymavlink found it
-
-
-def _slow_checksum(data: bytes) -> int:
-    return int(mavcrc.x25crc(data).crc)
-
-
-checksum: Callable[[bytes], int] = _FAST or _slow_checksum
+# In C, where pymavlink found it.
+checksum: Callable[[bytes], int] = getattr(mavcrc, "mcrf4xx", lambda data: mavcrc.x25crc(data).crc)
 
 
 class Decoded(NamedTuple):
@@ -109,10 +103,12 @@ class TelemetryDecoder(FrameScanner):
         self.layouts: dict[int, StreamLayout] = {}
         self._kept: dict[int, _Kept] = {}  # of each message that tells of a run
         for number, message in dialect.mavlink_map.items():
-            if is_run(message):
+            # All numbers, and the tick among them: a task's run.
+            if TICK in message.fieldnames and fits(message):
                 name = message.msgname
                 said = dict((units or {}).get(name, {})), dict((texts or {}).get(name, {}))
-                self.layouts[number] = layout_of(message, stream_name(name), *said)
+                stream = name.removeprefix("ESEA_").lower()
+                self.layouts[number] = layout_of(message, stream, *said)
                 self._kept[number] = _Kept(message.unpacker.size)
         self._rows = [(self._kept[n], layout) for n, layout in self.layouts.items()]
         self._kept_back: _Kept | None = None
@@ -205,13 +201,3 @@ class TelemetryDecoder(FrameScanner):
     def _mark(self) -> None:
         for kept in self._kept.values():
             kept.mark(self.health)
-
-
-def is_run(message: Any) -> bool:
-    """Whether a message's class tells of a task's run: all numbers, and the tick among them."""
-    return TICK in message.fieldnames and fits(message)
-
-
-def stream_name(message: str) -> str:
-    """A stream's name from its message's: ``ESEA_SENSE_OUT`` is ``sense_out``."""
-    return message.removeprefix("ESEA_").lower()

@@ -17,16 +17,9 @@ from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify
-from esea_host.connection.named import named_streams
-from esea_host.connection.receiver import (
-    KEY,
-    Batch,
-    Receiver,
-    SessionTransport,
-    Subscription,
-)
+from esea_host.connection.receiver import KEY, Batch, NamedStream, Receiver, Subscription
 from esea_host.connection.recording import LiveRecording
-from esea_host.recording.layout import StreamLayout
+from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
 WAIT_S = 1.0
@@ -96,7 +89,7 @@ class ConnectedDevice:
         decoder = TelemetryDecoder(dialect, *column_texts(identity.device))
         reopen = self._open_again if address is not None and address.kind != "file" else None
         self.receiver = Receiver(transport, decoder, identity.tick_us * 1000, reopen)
-        self.session = Session(SessionTransport(self.receiver), dialect)
+        self.session = Session(self.receiver, dialect)
         self.texts = self.session.texts
         self._lock = threading.RLock()
         self._told: dict[str, float] = {}
@@ -283,14 +276,24 @@ class ConnectedDevice:
         """
         try:
             with self._lock:
-                made = self.session.stream(signals, rate_Hz)
+                boards = list(self.session.stream(signals, rate_Hz))
         except ValueError as error:
             fix = "Name signals of one task, such as sense.tau_Nm."
             raise UserError(f"{error}.", fix) from None
-        found = named_streams(made, name, *column_texts(self.identity.device))
-        for stream in found:
+        found = []
+        for i, board in enumerate(boards):
+            own = [x for x in self._layouts if x.name.rpartition("_")[0] == board.task]
+            known = {c.name: c for layout in own for c in layout.columns}
+            columns = [StreamColumn(TICK, "u4")]
+            for s in board.signals:
+                column = known.get(s.array, StreamColumn(""))
+                plain = s.name.replace("[", "_").replace("]", "")
+                kind = "u4" if s.whole else "f4"
+                columns.append(StreamColumn(plain, kind, column.unit, column.meaning))
+            found.append(name if len(boards) == 1 else f"{name}_{board.task}_{i}")
+            stream = NamedStream(StreamLayout(found[-1], tuple(columns)), board)
             self.receiver.add_named(stream, self._dialect.MAVLINK_MSG_ID_ESEA_DATA)
-        return [s.layout.name for s in found]
+        return found
 
     def subscribe(self, streams: Collection[str] | None = None) -> Subscription:
         """A queue of rows as they come, for whoever wants arrays.

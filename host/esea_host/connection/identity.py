@@ -90,16 +90,12 @@ def _rendered(device: Device, real: str) -> tuple[bytes, bytes]:
     # The same for every recording of a session.
     dialect = render_dialect(device).files
     name = next(n for n in dialect if n.endswith(".xml"))
-    return dialect[name].encode(), _zipped(render_device(device, [real])[0].files)
-
-
-def _zipped(files: Any) -> bytes:
-    # Same bytes every time: no clock in it.
     made = io.BytesIO()
     with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(files):
-            archive.writestr(zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0)), files[name])
-    return made.getvalue()
+        for file, text in sorted(render_device(device, [real])[0].files.items()):
+            # Same bytes every time: no clock in it.
+            archive.writestr(zipfile.ZipInfo(file, (2000, 1, 1, 0, 0, 0)), text)
+    return dialect[name].encode(), made.getvalue()
 
 
 def identify(

@@ -6,6 +6,7 @@ so.  Whatever is missing becomes a :class:`Gap`, with the reason that the counte
 
 from __future__ import annotations
 
+import struct
 import threading
 import time
 from collections import deque
@@ -15,15 +16,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from esea_gen.link.frames import LinkHealth
+from esea_gen.link.streams import BoardStream
 from esea_gen.link.transport import LinkError, Transport
 from esea_host.connection.decoder import TICK, Decoded, TelemetryDecoder
-from esea_host.connection.named import NamedStream, data_key, data_rows
 from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamLayout
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
 READ_S = 0.05
 KEY = "key"  # a stream whose rows are parts of a frame
+_DATA = struct.Struct("<QIHBBB")  # device clock, tick, interval, stream, choice, samples
 
 
 @dataclass(frozen=True)
@@ -96,26 +98,27 @@ class Subscription:
             return found
 
 
-class SessionTransport(Transport):
-    """The session's side of a link: it reads what is no telemetry, and writes straight out."""
+@dataclass(frozen=True)
+class NamedStream:
+    """Values that a board was asked for by name and rate (ESEA_DATA), and their rows' layout."""
 
-    def __init__(self, receiver: Receiver) -> None:
-        self._receiver = receiver
+    layout: StreamLayout
+    board: BoardStream
 
-    def read(self, timeout_s: float) -> bytes:
-        return self._receiver.other_bytes(timeout_s)
-
-    def write(self, data: bytes, timeout_s: float) -> None:
-        self._receiver.write(data, timeout_s)
-
-    def close(self) -> None:
-        self._receiver.close()
-
-    def said(self) -> str:
-        return self._receiver.transport.said()
+    def rows(self, payload: bytes) -> Array:
+        """Rows of one message, by their bits."""
+        _, tick, interval, _, _, count = _DATA.unpack_from(payload)
+        width = len(self.layout.columns) - 1
+        words = np.frombuffer(payload, "<u4", count * width, _DATA.size).reshape(count, width)
+        packed = np.empty((count, width + 1), "<u4")
+        packed[:, 0] = (tick + interval * np.arange(count, dtype=np.int64)) & 0xFFFFFFFF
+        packed[:, 1:] = words
+        return packed.view(self.layout.dtype).reshape(count)
 
 
-class Receiver:
+class Receiver(Transport):
+    """Reads a link in a thread of its own; to a session it is the link, less the telemetry."""
+
     def __init__(
         self,
         transport: Transport,
@@ -133,7 +136,6 @@ class Receiver:
         self.away = False
         self.gap_count = 0
         self._subscriptions: list[Subscription] = []
-        self._raw: list[Callable[[bytes], None]] = []
         self._others = bytearray()
         self._changed = threading.Condition()
         self._writing = threading.Lock()
@@ -185,7 +187,10 @@ class Receiver:
         with self._writing:
             self.transport.write(data, timeout_s)
 
-    def other_bytes(self, timeout_s: float) -> bytes:
+    def said(self) -> str:
+        return self.transport.said()
+
+    def read(self, timeout_s: float) -> bytes:
         """Frames that are no telemetry."""
         if self._thread is None:
             deadline_s = time.monotonic() + timeout_s
@@ -231,16 +236,16 @@ class Receiver:
     def add_named(self, stream: NamedStream, number: int) -> None:
         """Make rows of a stream that the board was asked for by names."""
         self.decoder.keep_back(number)
-        self.named = {**self.named, stream.key: stream}
+        self.named = {**self.named, (stream.board.number, stream.board.choice): stream}
 
     def _of_named(self) -> list[Decoded]:
         found: dict[tuple[int, int], tuple[list[Array], list[tuple[int, int, int]]]] = {}
         for payload, lost, bad in self.decoder.kept_back():
-            stream = self.named.get(data_key(payload))
-            if stream is not None:
-                rows, counted = found.setdefault(stream.key, ([], []))
+            key = payload[14], payload[15]
+            if key in self.named:
+                rows, counted = found.setdefault(key, ([], []))
                 counted.append((sum(map(len, rows)), lost, bad))
-                rows.append(data_rows(stream, payload))
+                rows.append(self.named[key].rows(payload))
         return [
             Decoded(self.named[key].layout, np.concatenate(rows), counted, [])
             for key, (rows, counted) in found.items()
@@ -250,7 +255,10 @@ class Receiver:
         while not self._stopped.is_set():
             try:
                 self.pump(READ_S)
-                self._stay_alive()
+                now_s = time.monotonic()
+                if self.keep_alive is not None and now_s - self._told_s >= self.keep_alive_s:
+                    self._told_s = now_s
+                    self.write(self.keep_alive(), 1.0)
             except LinkError as error:
                 if self._stopped.is_set() or not self._open_again(error):
                     return
@@ -258,12 +266,6 @@ class Receiver:
                 self.away = True
                 self._fail(error)
                 return
-
-    def _stay_alive(self) -> None:
-        now_s = time.monotonic()
-        if self.keep_alive is not None and now_s - self._told_s >= self.keep_alive_s:
-            self._told_s = now_s
-            self.write(self.keep_alive(), 1.0)
 
     def _open_again(self, error: LinkError) -> bool:
         self.away = True
@@ -330,20 +332,15 @@ class _StreamClocks:
         if every:
             self._every[name] = every
         if last is not None and every and not found.late_rows and (steps == every).all():
-            board = self._board_ns(name, ticks)
-            self._remember(name, found)
-            return Batch(found.layout, found.rows, board, arrived_ns)
+            self._last[name], self._lost[name] = int(ticks[-1]), found.changes[-1][1:]
+            self._broken.discard(name)
+            return Batch(found.layout, found.rows, self._board_ns(name, ticks), arrived_ns)
         return self._one_by_one(found, arrived_ns, health)
 
     def _board_ns(self, name: str, ticks: Array) -> Array:
         epoch = self._epochs[name]
         self._last_tick[epoch] = max(self._last_tick[epoch], int(ticks[-1]))
         return np.asarray((ticks + self._moved[epoch]) * self.tick_ns)
-
-    def _remember(self, name: str, found: Decoded) -> None:
-        self._last[name] = int(found.rows[TICK][-1])
-        self._lost[name] = found.changes[-1][1:]
-        self._broken.discard(name)
 
     def _parts(self, found: Decoded, arrived_ns: int) -> Batch:
         # Several rows of a tick, at no even distance.
@@ -398,14 +395,8 @@ class _StreamClocks:
         if reason == "board" and lost:
             reason = "checksum" if bad else "link"
         missing = (tick - last) // self._every[name] - 1
-        return Gap(
-            name,
-            last,
-            tick,
-            missing,
-            reason,
-            (last + self._moved[self._epochs[name]]) * self.tick_ns,
-        )
+        board_ns = (last + self._moved[self._epochs[name]]) * self.tick_ns
+        return Gap(name, last, tick, missing, reason, board_ns)
 
 
 def _period(steps: Array) -> int:

@@ -49,12 +49,7 @@ def spring_Nm_rad(device: Device, element: str, stiffness_Nm_deg: float = 0.0) -
     if stiffness_Nm_deg:
         return math.degrees(stiffness_Nm_deg)
     ratio = PUBLISHED_NM_DEG[SPRING] / PUBLISHED_NM_DEG[ELASTOMER] if element == SPRING else 1.0
-    return ratio * _loading_Nm_rad(device)
-
-
-@lru_cache(maxsize=4)
-def _loading_Nm_rad(device: Device) -> float:
-    return simulated_loading(device).stiffness_Nm_rad
+    return ratio * simulated_loading(device).stiffness_Nm_rad
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
-from esea_host.interaction.player import RigPlayer
+from esea_host.interaction.rig import RigPlayer
 from esea_host.interaction.tasks import WithElement
 from esea_host.people.person import VirtualParticipant
 from esea_host.study.board import WORKING, BoardSource
@@ -38,44 +38,22 @@ MIDDLE_S, LED_RAD_S = 0.5, 0.5
 SIMULATED_LOAD = KnownLoad(0.5, 0.2)
 
 
-class ElementHands(Protocol):
-    """Who builds in an element, loads it, and leads the arm, where nobody has to be asked."""
-
-    def build_in(self, spring_Nm_rad: float) -> None:
-        """A spring, or with 0 the device's own elastomer."""
-
-    def hang(self, load_Nm: float) -> None: ...
-
-    def let_go(self) -> None: ...
-
-    def aim(self, aim_rad: float) -> None: ...
+# Who builds in an element, loads it and leads the arm where nobody has to be asked; by the words of
+# esea_host.simulated.server.Hands.
+ElementHands = Callable[[str, float], None]
 
 
-class ProcessHands:
-    """At a simulated board in a process of its own."""
+def process_hands(board: ConnectedDevice) -> ElementHands:
+    """Hands at a simulated board in a process of its own."""
 
-    def __init__(self, board: ConnectedDevice) -> None:
-        self._board = board
-        # Else what the address says stays in.
-        self.swaps = board.address is None or "spring=" not in board.address.place
-
-    def _do(self, word: str, number: float) -> None:
-        process = self._board.receiver.transport
-        if isinstance(process, SimulatedProcess):  # another one while it is opened again
+    def act(word: str, number: float) -> None:
+        process = board.receiver.transport
+        # An element that the address names stays in.
+        stays = word == "spring" and board.address is not None and "spring=" in board.address.place
+        if isinstance(process, SimulatedProcess) and not stays:  # another one while it is opened
             process.hand(word, number)
 
-    def build_in(self, spring_Nm_rad: float) -> None:
-        if self.swaps:
-            self._do("spring", spring_Nm_rad)
-
-    def hang(self, load_Nm: float) -> None:
-        self._do("hang", load_Nm)
-
-    def let_go(self) -> None:
-        self._do("let-go", 0.0)
-
-    def aim(self, aim_rad: float) -> None:
-        self._do("aim", aim_rad)
+    return act
 
 
 class ElementBoard(InputSource):
@@ -131,10 +109,11 @@ class ElementBoard(InputSource):
         self._motor_off()
         if self.hands is not None:
             self.waits(keyed("advice.building_in", element=keyed(f"element.{element}")))
-            self.hands.build_in(spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg))
+            spring = spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg)
+            self.hands("spring", spring)
         means = self._phases(self.known)
         if self.hands is not None:
-            self.hands.let_go()
+            self.hands("let-go", 0.0)
         if why := self.ask():
             return why
         given = device.identity.device, element, self.known, means, stiffness_Nm_deg
@@ -180,7 +159,7 @@ class ElementBoard(InputSource):
             for k, phase in enumerate(PHASES):
                 self.waits(keyed(asked[signs[k]], step=k + 1, steps=len(PHASES), **load))
                 if self.hands is not None:
-                    self.hands.hang(signs[k] * known.torque_Nm)
+                    self.hands("hang", signs[k] * known.torque_Nm)
                 means.append(self._settled(queue, tap.column, phase, means))
                 if self.ask():
                     break
@@ -226,7 +205,7 @@ class ElementBoard(InputSource):
             wanted = min(0.5 * (low + high), low + 2 * ROOM_RAD)
             step = math.copysign(0.01 * LED_RAD_S, wanted - now)
             for k in range(1, 1 + int((wanted - now) / step)):
-                self.hands.aim(now + k * step)
+                self.hands("aim", now + k * step)
                 self._frame()
         at = []
         for _ in range(round(100 * MIDDLE_S)):
@@ -245,10 +224,14 @@ class ElementBoard(InputSource):
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Whoever wears the board, or plays by the hands."""
         actor = self.inner.trial(task, situation, number)
-        player = None
-        if self.who is not None and self.hands is not None:
-            arm = _Arm(self.hands, self.middle_rad)
-            player = RigPlayer(self.who, arm, self._aims, situation, lambda: self.paused)
+        player, hands = None, self.hands
+        if self.who is not None and hands is not None:
+
+            def advance(muscle: Sequence[float]) -> list[float]:
+                hands("aim", self.middle_rad + muscle[3])
+                return [0.0]
+
+            player = RigPlayer(self.who, advance, self._aims, situation, lambda: self.paused)
         return _Centred(actor, self.middle_rad, player)
 
     def over(self, number: int, state: str) -> None:
@@ -285,17 +268,6 @@ def _is_there(mean: float, means: Sequence[float], least: float) -> bool:
     if len(means) == 3:
         return from_zero * bent < 0 and abs(from_zero) > least
     return abs(from_zero) < 0.5 * abs(bent)
-
-
-class _Arm:
-    # The simulated arm, as a player's rig.
-
-    def __init__(self, hands: ElementHands, middle_rad: float) -> None:
-        self._hands, self._middle_rad = hands, middle_rad
-
-    def advance(self, muscle: Sequence[float]) -> list[float]:
-        self._hands.aim(self._middle_rad + muscle[3])
-        return [0.0]
 
 
 class _Centred(Actor):

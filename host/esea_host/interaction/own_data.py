@@ -169,17 +169,14 @@ def measure_file(
     except NoAnswerError as error:
         fix = error.fix
         if error.reason == "gap" and resample_Hz is None:
-            fix += f" --resample {_mean_rate(t):.3g} interpolates, and reports what it did."
+            length_s = float(np.ptp(t))
+            rate_Hz = (len(t) - 1) / length_s if length_s > 0 else 100.0
+            fix += f" --resample {rate_Hz:.3g} interpolates, and reports what it did."
         if error.reason == "cutoff" and over.unit is None:
             fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
     simulated = says_simulated(table) or is_simulated(path)
     return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
-
-
-def _mean_rate(t: Array) -> float:
-    length = float(np.ptp(t))
-    return (len(t) - 1) / length if length > 0 else 100.0
 
 
 def _named(table: FileTable, wanted: str) -> NamedColumn:

@@ -22,7 +22,9 @@ has ``paused``, what counts is what came after the last pause.
 
 from __future__ import annotations
 
+import warnings
 from codecs import BOM_UTF8
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -39,8 +41,13 @@ from esea_host.interaction.design import element_of
 from esea_host.recording.export import column_of, longest_run, says_simulated
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
+from esea_host.study.exchange import TrialTrace, traces
+from esea_host.study.folder import StudyFolder
 from esea_host.study.privacy import PRIVATE
-from esea_host.study.folder import gone_from
+from esea_host.study.recorded import BoardRecordings
+from esea_host.study.records import gone_from
+from esea_host.study.session import COMPLETED
+from esea_host.study.task import task_named
 
 Array = npt.NDArray[np.float64]
 MANIFEST = "interaction.toml"
@@ -187,11 +194,10 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
     swapped: either element by the other's name, for a blinded analysis.
     """
     manifest = read_manifest(folder)
-    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     if swapped:
-        manifest = manifest.model_copy(
-            update={"recording": tuple(e.swapped() for e in manifest.recording)}
-        )
+        recording = tuple(e.swapped() for e in manifest.recording)
+        manifest = manifest.model_copy(update={"recording": recording})
+    gone, tasks, tables = gone_from(folder), list[TaskRecordings](), list[FileTable]()
     named = {e.participant for e in manifest.recording}
     left_out = [f"{p} (withdrawn)" for p in sorted(gone & named)]
     there = [e for e in manifest.recording if e.participant not in gone]
@@ -253,3 +259,65 @@ def _stacked(
     return TaskRecordings(
         task, tuple(people), tuple(groups[p] for p in people), np.array(stack), rate
     )
+
+
+TICK_NS = 1_000_000  # of the sensing task
+
+
+def cut_trials(study: StudyFolder) -> int:
+    """Write the recording of every completed interaction trial that has none yet."""
+    written = 0
+    for _, _, path in study.sessions():
+        recordings = BoardRecordings(path.parent)
+        try:
+            found = traces(path) if recordings.paths else []
+        except UserError as error:
+            study.leave_out(path, error)
+            found = []
+        for trace in found:
+            target = path.parent / recording_name(trace.trial.number)
+            if trace.trial.task.startswith("interaction.") and not target.exists():
+                written += _cut(trace, recordings, target)
+        recordings.close()
+    return written
+
+
+def _cut(trace: TrialTrace, recordings: BoardRecordings, target: Path) -> bool:
+    number = trace.trial.number
+    done = [a for a in recordings.attempts if a.number == number and a.state == COMPLETED]
+    if not done:
+        raise UserError(
+            f"Trial {number} is in none of {', '.join(p.name for p in recordings.paths)}.",
+            "Put the recording of that session back beside its log.",
+        )
+    attempt = done[-1]  # a repeated trial counts as it was done last
+    assert attempt.ended_ns is not None
+    task = task_named(trace.trial.task, target.name)
+    (tap,) = recordings.signals(attempt).taps(task).values()
+    table = recordings.table(attempt, tap.stream)
+    # A sample belongs to the end of its millisecond.
+    of_trial = (table.board_ns > attempt.begun_ns) & (table.board_ns <= attempt.ended_ns)
+    time_s = (table.board_ns[of_trial] - attempt.begun_ns) * 1e-9
+    ticks = round((attempt.ended_ns - attempt.begun_ns) / TICK_NS)
+    if len(time_s) != ticks:
+        warnings.warn(
+            f"{attempt.path}: trial {number} has {len(time_s)} of {ticks} rows.  Its recording is "
+            "left out.",
+            stacklevel=2,
+        )
+        return False
+    paused, angle = paused_at(time_s, trace.events), table[tap.column][of_trial]
+    given = time_s, angle.astype(np.float64), paused, recordings.simulated(attempt)
+    write_recording(target, *given)
+    return True
+
+
+def paused_at(
+    time_s: npt.NDArray[np.float64], events: Sequence[tuple[float, str]]
+) -> npt.NDArray[np.bool_]:
+    """At which times a task was held, by its events ``paused`` and ``resumed``."""
+    found = np.zeros(len(time_s), bool)
+    for at_s, name in events:
+        if name in ("paused", "resumed"):
+            found[time_s >= at_s] = name == "paused"
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +12,17 @@ import numpy as np
 
 from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
-from esea_host.interaction.player import RigPlayer
 from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
-from esea_host.interaction.rig import ElementRig, element_device, law_ends
-from esea_host.people.hand import MovingHand, Pointer
+from esea_host.interaction.rig import ElementRig, RigPlayer, compile_rig, law_ends
+from esea_host.people.hand import Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
-from esea_host.people.rig import compile_rig
-from esea_host.people.source import PersonSource, VirtualPeople
+from esea_host.people.source import VirtualPeople
 from esea_host.study.folder import StudyFolder
 from esea_host.study.many import code_of, run_everybody
 from esea_host.study.privacy import PRIVATE
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
-from esea_host.study.source import Gauge
+from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Situation, StudyTask
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
@@ -33,15 +31,16 @@ PREFIX = "interaction."
 LAST_S = 45.0
 
 
-class RigSource(PersonSource):
+class RigSource(InputSource):
     """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz."""
+
+    simulated = True
 
     def __init__(
         self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None
     ) -> None:
-        super().__init__(who, pointer)
-        self.folder = folder
-        self.aims = [0.0]
+        self.who, self.pointer, self.folder = who, pointer, folder
+        self.aims, self._past_s = [0.0], 0.0
         self._rigs: dict[str, ElementRig] = {}
         self._rig: ElementRig | None = None
         self._player: RigPlayer | None = None
@@ -61,16 +60,24 @@ class RigSource(PersonSource):
             Gauge("angle", theta_deg, -most_deg, most_deg, "deg"),
         )
 
-    def hand(self, task: StudyTask, situation: Situation, number: int) -> MovingHand:
-        """The person, told what to do, on the rig with the element of this trial."""
-        self.aims[0] = 0.0  # between trials the hand is let go
+    def trial(self, task: StudyTask, situation: Situation, number: int) -> RigPlayer:
+        """The same person in every trial, on the rig with its element."""
+        self._past_s, self.aims[0] = self.now_s(), 0.0  # between trials the hand is let go
         element = situation.parameters.element
         if element not in self._rigs:
             self._rigs[element] = ElementRig(element, self.who.limbs[0])
         rig = self._rig = self._rigs[element]
         rig.start()
-        self._player = RigPlayer(self.who, rig, self.aims, situation, lambda: self.paused)
+        self._player = RigPlayer(self.who, rig.advance, self.aims, situation, lambda: self.paused)
+        self._player.pointer = self.pointer
         return self._player
+
+    def rest(self, seconds: float) -> None:
+        """The hand relaxes."""
+        self._past_s, self._player = self.now_s() + seconds, None
+
+    def now_s(self) -> float:
+        return self._past_s + (self._player.time_s if self._player else 0.0)
 
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
@@ -80,15 +87,9 @@ class RigSource(PersonSource):
             write_recording(self.folder / recording_name(number), time_s, read, held, True)
 
 
-@dataclass(frozen=True)
-class RigPeople(VirtualPeople):
-    """Participants of the cross-over."""
-
-    folder: Path
-
-    def source(self, who: VirtualParticipant, index: int, session: int) -> PersonSource:
-        """On the rig; recordings go where the session's log is."""
-        return RigSource(who, self.folder / code_of(index) / f"session-{session + 1}")
+def rig_source(folder: Path, who: VirtualParticipant, index: int, session: int) -> RigSource:
+    """Recordings go where the session's log is."""
+    return RigSource(who, folder / code_of(index) / f"session-{session + 1}")
 
 
 def interaction_protocol(seed: int) -> Protocol:
@@ -111,8 +112,8 @@ def run_crossover(
     """The cross-over with virtual participants, ready for ``analyse interaction``."""
     asked = protocol or interaction_protocol(seed)
     for element in ELEMENTS:
-        compile_rig(element_device(element))
-    people = RigPeople(seed, model or PersonModel(), folder)
+        compile_rig(element)
+    people = VirtualPeople(seed, model or PersonModel(), partial(rig_source, folder))
     early = run_everybody(folder, asked, participants, people, jobs, cluster, say)
     write_manifest(folder, LAST_S if last_s is None else last_s)
     return early

@@ -61,8 +61,11 @@ class PieceFile:
             if changed:
                 self._damage(0, MAGIC_BYTES, "the file's first bytes were changed")
             self._readable = self._scan()
-            self._limit_unpacking()
+            left = records.FREE_BYTES + records.MOST_RATIO * self.size
             for piece in self.pieces:
+                left -= piece.size if piece.compression else 0
+                if piece.compression and left < 0:
+                    piece.problem = f"would unpack the file to over {records.MOST_RATIO} times"
                 self._examine(piece)
         except BaseException:
             self.close()
@@ -73,7 +76,10 @@ class PieceFile:
         self._map.close()
 
     def _damage(self, start: int, end: int, what: str, piece: Piece | None = None) -> None:
-        self._damages.append(Damage(start, end, what, lost=self._promised(piece) if piece else {}))
+        lost: dict[str, int] = {}
+        for channel, first, last in self._indexes(piece) if piece else ():
+            lost[str(channel)] = lost.get(str(channel), 0) + (last - first) // 16
+        self._damages.append(Damage(start, end, what, lost=lost))
 
     # -- where the records are -------------------------------------------------------------------
 
@@ -186,14 +192,6 @@ class PieceFile:
 
     # -- what is in a piece ----------------------------------------------------------------------
 
-    def _limit_unpacking(self) -> None:
-        left = records.FREE_BYTES + records.MOST_RATIO * self.size
-        for piece in self.pieces:
-            if piece.compression:
-                left -= piece.size
-                if left < 0:
-                    piece.problem = f"would unpack the file to over {records.MOST_RATIO} times"
-
     def _examine(self, piece: Piece) -> None:
         try:
             if piece.problem:
@@ -298,12 +296,6 @@ class PieceFile:
                 found.append((channel, at + HEAD.size + 6, end))
             at = end
         return found if len(found) <= MOST_CHANNELS else []
-
-    def _promised(self, piece: Piece) -> dict[str, int]:
-        found: dict[str, int] = {}
-        for channel, start, end in self._indexes(piece):
-            found[str(channel)] = found.get(str(channel), 0) + (end - start) // 16
-        return found
 
 
 def _mapped(path: Path) -> tuple[mmap.mmap, int, bool]:

@@ -105,8 +105,11 @@ def device_of(log: Log) -> Device:
     if "device" not in facts or "content_hash" not in facts:
         fix = "Record with esea-host." if log.whole else f"It is {log.integrity}."
         raise UserError(f"{log.path.name} does not say which C made it.", fix)
-    shipped = facts["device"] in shipped_devices()
-    device = loaded_device(facts["device"]) if shipped else _attached(log)
+    if facts["device"] in shipped_devices():
+        device = loaded_device(facts["device"])
+    else:  # somebody's own, which lies in the recording: data, its laws are shipped ones
+        text = log.attachments.get("device.toml", b"").decode("utf-8-sig", "replace")
+        device = Device(parse_file(text, f"{log.path.name}: device.toml"), "device.toml")
     real = facts.get("real", "f32")
     choose("number format", real, FORMATS)
     ours = format_hash(device, real)
@@ -127,12 +130,6 @@ def loaded_device(name: str) -> Device:
 @lru_cache(maxsize=4)
 def _loaded(name: str, text: str) -> Device:
     return load_device(name)
-
-
-def _attached(log: Log) -> Device:
-    # Of a file of somebody's own, which lies in the recording: data, its laws are shipped ones.
-    text = log.attachments.get("device.toml", b"").decode("utf-8-sig", "replace")
-    return Device(parse_file(text, f"{log.path.name}: device.toml"), "device.toml")
 
 
 @lru_cache(maxsize=2)

@@ -17,7 +17,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from esea_gen.errors import UserError
@@ -34,23 +33,9 @@ EVENT_SCHEMA: dict[str, Any] = {"type": "object", "properties": {}, "additionalP
 
 
 class Recorder:
-    """A recording that is being written.
+    """A recording that is being written; ``piece_s``: after how long a piece is, at the latest.
 
-    Parameters
-    ----------
-    path : Path
-        Must not exist: nothing is overwritten.
-    attachments : mapping of str to bytes
-        What belongs to it: device file, dialect, facts; by file name.
-    compress : bool
-        With zstandard.  Without, ``replay --verify`` can name a bit that was changed.
-    piece_s : float
-        After how long a piece is written, at the latest.
-
-    Raises
-    ------
-    UserError
-        When the file exists or cannot be written; from every method when the disk is full.
+    Nothing is overwritten.  Uncompressed, ``replay --verify`` can name a bit that was changed.
     """
 
     def __init__(
@@ -126,13 +111,7 @@ class Recorder:
         self.close()
 
     def declare(self, layout: StreamLayout) -> None:
-        """Say that a stream will come; so its description does not hang on its first piece.
-
-        Parameters
-        ----------
-        layout : StreamLayout
-            Of the stream.
-        """
+        """Say that a stream will come; so its description does not hang on its first piece."""
         if layout.name not in self._channels:
             self._guarded(self._declare, layout)
 
@@ -147,17 +126,7 @@ class Recorder:
         self._channels[layout.name] = channel
 
     def rows(self, layout: StreamLayout, rows: Array, log_ns: Array, board_ns: Array) -> None:
-        """Write rows of a stream.
-
-        Parameters
-        ----------
-        layout : StreamLayout
-            Of the stream; the same at every call.
-        rows : ndarray
-            Structured, shape (n,), of ``layout.dtype``.
-        log_ns, board_ns : ndarray of int
-            Shape (n,): nanoseconds since 1970 and of the board's clock.
-        """
+        """Write rows of a stream; times in ns since 1970, and of the board's clock."""
         self.declare(layout)
         self._guarded(self._rows, layout, rows, log_ns, board_ns)
 
@@ -175,17 +144,7 @@ class Recorder:
         self._maybe_sync()
 
     def event(self, topic: str, content: Mapping[str, Any], log_ns: int | None = None) -> None:
-        """Write an event: JSON, on a topic of its own.
-
-        Parameters
-        ----------
-        topic : str
-            ``gap``, ``note``, ``clock`` ...
-        content : mapping
-            What JSON can hold.
-        log_ns : int, optional
-            When, in nanoseconds since 1970; default: now.
-        """
+        """Write an event: JSON, on a topic of its own."""
         self._guarded(self._event, topic, content, log_ns)
 
     def _event(self, topic: str, content: Mapping[str, Any], log_ns: int | None) -> None:
@@ -203,25 +162,10 @@ class Recorder:
         self._maybe_sync()
 
     def gap(self, gap: Gap) -> None:
-        """Mark a hole.
-
-        Parameters
-        ----------
-        gap : Gap
-            Where, and whose fault.
-        """
         self.event("gap", asdict(gap))
 
     def note(self, text: str, **facts: Any) -> None:
-        """Write down what somebody saw or did.
-
-        Parameters
-        ----------
-        text : str
-            In words.
-        **facts : object
-            What JSON can hold, such as the tick.
-        """
+        """Write down what somebody saw or did."""
         self.event("note", {"text": text, **facts})
 
     def _maybe_sync(self) -> None:
@@ -249,8 +193,3 @@ class Recorder:
         os.fsync(self._file.fileno())
         self._file.close()
         self.closed = True
-
-
-def spread(first_ns: int, step_ns: int, count: int) -> Array:
-    """Times of so many runs."""
-    return np.asarray(first_ns + step_ns * np.arange(count, dtype=np.int64))

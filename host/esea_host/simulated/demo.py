@@ -15,8 +15,7 @@ from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, verify
-from esea_host.simulated.drive import PERSON, SimulatedBoard
-from esea_host.simulated.lockstep import LockstepDevice
+from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard
 
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6  # the tuning case of the published trials

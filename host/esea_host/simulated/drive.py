@@ -16,6 +16,7 @@ from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device, board_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
+from esea_gen.link.transport import Transport
 from esea_gen.twin.hand import (
     HAND_NAMES,
     NOBODY,
@@ -28,10 +29,10 @@ from esea_gen.twin.people import random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
-from esea_host.connection.identity import SIMULATED_BOARDS
+from esea_host.connection.device import ConnectedDevice
+from esea_host.connection.identity import SIMULATED_BOARDS, identify
 from esea_host.recording.replay import loaded_device
-from esea_host.simulated.joint import MovedJoint
-from esea_host.simulated.motion import JointMotion, make_motion
+from esea_host.simulated.motion import JointMotion, MovedJoint, make_motion
 
 EMPTY_JOINT, CLAMPED = "nobody", "none"
 PEOPLE_NAMES = (EMPTY_JOINT, *PERSON_NAMES)
@@ -262,3 +263,47 @@ def _with_spring(device: DeviceData, stiffness_Nm_rad: float) -> DeviceData:
     element = rubber.model_copy(update={**spring, "maxwell": maxwell})
     file = device.file.model_copy(update={"elastomer": element})
     return DeviceData(file, device.origin)
+
+
+TICKS_A_READ = 20
+BEAT_TICKS = 250
+
+
+class LockstepTransport(Transport):
+    """The line to a :class:`SimulatedBoard`; waiting for it is what moves its clock."""
+
+    def __init__(self, drive: SimulatedBoard) -> None:
+        self.drive = drive
+
+    def read(self, timeout_s: float) -> bytes:
+        data = self.drive.read()
+        last = self.drive.ticks + round(timeout_s * 1000)
+        while not data and self.drive.ticks < last:
+            self.drive.tick()
+            data = self.drive.read()
+        return data
+
+    def write(self, data: bytes, timeout_s: float) -> None:
+        self.drive.write(data)
+
+    def close(self) -> None:
+        self.drive.close()
+
+
+class LockstepDevice(ConnectedDevice):
+    """A simulated board, connected, moved by :meth:`advance`."""
+
+    def __init__(self, drive: SimulatedBoard) -> None:
+        self.drive = drive
+        transport = LockstepTransport(drive)
+        super().__init__(identify(transport, None), transport, threaded=False)
+        self.session.clock_s = lambda: drive.ticks * 1e-3
+
+    def advance(self, time_s: float) -> None:
+        for i in range(round(time_s * 1000)):
+            if self.drive.ticks % BEAT_TICKS == 0:
+                self.drive.write(self._heartbeat())
+            self.drive.tick()
+            if i % TICKS_A_READ == TICKS_A_READ - 1:
+                self.pump()
+        self.pump()

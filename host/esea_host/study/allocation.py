@@ -14,7 +14,7 @@ import itertools
 import json
 import re
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from esea_gen.files import write_whole
 from esea_gen.toml_file import read_text
 from esea_host.study.log import LoggedEvent
 from esea_host.study.plan import group_of
-from esea_host.study.privacy import keyed, readable, sealed, unsealed, write_secret
+from esea_host.study.privacy import SEALED, keyed, readable, sealed, unsealed, write_secret
 from esea_host.study.protocol import Protocol, ProtocolFile, block_sizes
 
 
@@ -51,7 +51,7 @@ def strata_of(file: ProtocolFile) -> list[str]:
 
 def stratum_named(file: ProtocolFile, given: Sequence[str]) -> str:
     """The stratum of ``factor=level`` words, in whatever order."""
-    wanted = sorted(word.strip() for text in given for word in text.split(","))
+    wanted = sorted(filter(None, (w.strip() for text in given for w in text.split(","))))
     for stratum in strata_of(file):
         if sorted(filter(None, stratum.split(","))) == wanted:
             return stratum
@@ -127,32 +127,53 @@ def _of(stratum: str) -> str:
 class Allocations:
     """What a study's record says of its groups.
 
-    A list applies once it was made.  Without one, a simulated study, and a real one of an earlier
-    version, have the groups that follow from the protocol's seed.
+    A study of real people has a list.  A simulated one, and one of an earlier version, have the
+    groups that follow from the protocol's seed until a list is made, and who has begun keeps them.
     """
 
     def __init__(
-        self, folder: Path, protocol: Protocol, trail: Sequence[LoggedEvent], key: bytes
+        self,
+        folder: Path,
+        protocol: Protocol,
+        trail: Sequence[LoggedEvent],
+        key: Callable[[], bytes] = bytes,
     ) -> None:
         self.folder, self.protocol, self.trail, self.key = folder, protocol, trail, key
         self.lists = [e for e in trail if e.kind == "allocate"]
-        wanted = any(e.kind == "created" and e.data.get("allocation") == "list" for e in trail)
-        self.needs_list = bool(protocol.file.groups) and (bool(self.lists) or wanted)
+        self._strict = any(
+            e.kind == "created" and e.data.get("allocation") == "list" for e in trail
+        )
+        self.needs_list = bool(protocol.file.groups) and (self._strict or bool(self.lists))
+        until = self.lists[0].number if self.lists else len(trail)
+        self._begun = {
+            e.data["participant"]
+            for e in trail
+            if e.kind in ("session_start", "session_end") and e.number < until
+        }
         enrolled = [e.data for e in trail if e.kind == "enrol"]
         self._strata = {d["participant"]: d.get("stratum", "") for d in enrolled}
         self._opened = {e.data["participant"]: e.data for e in trail if e.kind == "disclose"}
 
+    def by_seed(self, code: str) -> bool:
+        """Whether group and orders follow from the protocol's seed."""
+        return not self._strict and (not self.lists or code in self._begun)
+
     def group(self, code: str) -> str | None:
         """The group; None until it is disclosed."""
-        if not self.needs_list:
+        if not self.protocol.file.groups:
+            return ""
+        if self.by_seed(code):
             return group_of(self.protocol, list(self._strata).index(code))
         told = self._opened.get(code)
         if told is None:
             return None
-        return str(unsealed(self.key, told["sealed"])[0] if "sealed" in told else told["group"])
+        return str(unsealed(self.key(), told[SEALED])[0] if SEALED in told else told["group"])
+
+    def stratum(self, code: str) -> str:
+        return str(self._strata[code])
 
     def next_place(self, stratum: str) -> int:
-        return 1 + sum(d["stratum"] == stratum for d in self._opened.values())
+        return 1 + [d["stratum"] for d in self._opened.values()].count(stratum)
 
     def places(self) -> int:
         return sum(int(e.data["places"]) for e in self.lists)
@@ -196,22 +217,28 @@ class Allocations:
             "reason": reason,
         }
 
-    def _commitments(self, stratum: str) -> list[str]:
-        found: list[str] = []
-        for made in (e.data for e in self.lists):
-            path = self.folder / str(made["file"])
-            text = read_text(path, "Restore the file from a copy.")
-            if hashlib.sha256(text.encode()).hexdigest() != made["sha256"]:
-                raise UserError(
-                    f"{path} is not what study allocate wrote.", "Restore the file from a copy."
-                )
-            found += json.loads(text)[stratum]
+    def _seals(self, made: LoggedEvent) -> dict[str, list[str]]:
+        path, fix = self.folder / str(made.data["file"]), "Restore the file from a copy."
+        text = read_text(path, fix)
+        if hashlib.sha256(text.encode()).hexdigest() != made.data["sha256"]:
+            raise UserError(f"{path} is not what study allocate wrote.", fix)
+        return dict(json.loads(text))
+
+    def problems(self) -> list[str]:
+        """Lists of seals that are not what was written."""
+        found = []
+        for made in self.lists:
+            try:
+                self._seals(made)
+            except UserError as error:
+                found.append(error.what.rstrip("."))
         return found
 
     def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:
         """Open the next place of the participant's stratum, by its code or the sealed list."""
         stratum = self._strata[code]
-        place, committed = self.next_place(stratum), self._commitments(stratum)
+        place = self.next_place(stratum)
+        committed = [seal for made in self.lists for seal in self._seals(made)[stratum]]
         if not self.lists:
             raise UserError(
                 "The study has no list of allocations, so nobody has a group.",
@@ -240,7 +267,7 @@ class Allocations:
             if Envelope(stratum, place, group, given).commitment == committed[place - 1]:
                 known = {"participant": code, "stratum": stratum, "place": place}
                 if blinded:
-                    return {**known, "sealed": sealed(self.key, [group, given])}
+                    return {**known, SEALED: sealed(self.key(), [group, given])}
                 return {**known, "group": group, "code": given}
         raise UserError(
             f"{given or 'That'} does not open place {place}{_of(stratum)}.",

@@ -22,6 +22,7 @@ from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array
+from esea_host.study.edge import trial_conditions
 from esea_host.study.fitting import ACTS, CONSTRAINED, DEG, TORQUE, DeviceSignals, Tap
 from esea_host.study.scene import Scene
 from esea_host.study.source import Gauge, InputSource
@@ -316,9 +317,9 @@ class BoardSource(InputSource):
 
     def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
         """Have the board hold what the task's conditions are, and its inputs at hand."""
-        conditions = task.conditions(situation.parameters)
-        self.signals.must_fit([(task, conditions)])
-        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(conditions)
+        asked = trial_conditions(task, situation.parameters)
+        self.signals.must_fit([(task, asked)])
+        self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
         self._rows.need(self._taps.values())
         self._event("trial", number=number, task=task.name)
         state = self._state_now()
@@ -343,11 +344,11 @@ class BoardSource(InputSource):
             passed_s = (self.board_ns - begun_ns) * 1e-9
             axes = " and ".join(waiting)
             if passed_s > SWITCH_S:
-                what = f"has not been switched {'on' if wanted else 'off'} within {SWITCH_S:g} s"
+                what = f"has not changed over within {SWITCH_S:g} s"  # which way: not to a blinded
                 fix = "Let the joint rest, outside the wall, and repeat the trial."
                 raise UserError(f"The impairment of {axes} {what}.", fix)
             if passed_s > SETTLE_S:
-                self.waits(keyed("advice.switch_on" if wanted else "advice.switch_off", axes=axes))
+                self.waits(keyed("advice.switch", axes=axes))
             if self.ask():
                 return
             self.want({})

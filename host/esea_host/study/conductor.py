@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_host.study.edge import longest_trial_s
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
@@ -205,6 +206,7 @@ class Conductor(SessionWatcher):
         """On the study's record when this returns, whatever the session does."""
         about = {"participant": self.code, "session": self.number}
         about |= {"trial": self.trial.number if self.trial else None}
+        about |= {"rehearsal": True} if self._session.rehearsal else {}
         said = {"severity": severity, "relation": relation, "action": action, "text": text}
         self.study.record("adverse", **about, **said)
         self._remarks.put(partial(self._session.say, "adverse", severity=severity))
@@ -274,7 +276,7 @@ class Conductor(SessionWatcher):
 
     def longest_s(self, trial: PlannedTrial) -> float:
         task, parameters = trial.asked()
-        return task.longest_s(parameters)
+        return longest_trial_s(task, parameters)
 
     # -- in the session's thread -------------------------------------------------------------------
 

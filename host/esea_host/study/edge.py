@@ -25,8 +25,31 @@ def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
         return part(*given)
     except (TaskBrokenError, UserError):
         raise
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:  # of whoever sits here
+        raise
+    except BaseException as error:
         raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error
+
+
+def longest_trial_s(task: StudyTask, parameters: Any) -> float:
+    """How long a trial can take, by the task's own word."""
+    return _numbers_of(task, lambda: {"longest_s": task.longest_s(parameters)})["longest_s"]
+
+
+def trial_conditions(task: StudyTask, parameters: Any) -> dict[str, float]:
+    """What the device must hold during a trial, by the task's own word."""
+    return _numbers_of(task, lambda: task.conditions(parameters))
+
+
+def _numbers_of(task: StudyTask, ask: Callable[[], Any]) -> dict[str, float]:
+    try:
+        told = of_task(task, ask)
+        _is(isinstance(told, Mapping), "conditions", told, "a mapping")
+        return {str(n): number(x, str(n)) for n, x in told.items()}
+    except TaskBrokenError as error:
+        raise UserError(f"{error}.", "Correct the task.") from None
+    except UserError as error:
+        raise UserError(f"task {task.name}: {error.what}", error.fix) from None
 
 
 def checked_step(task: StudyTask, step: Any) -> TaskStep:

@@ -10,6 +10,7 @@ from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
+from esea_host.study.edge import trial_conditions
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import Protocol
 from esea_host.study.task import StudyTask, TaskSignal
@@ -129,10 +130,10 @@ class DeviceSignals:
 
 def uses_of(protocol: Protocol) -> list[tuple[StudyTask, Mapping[str, float]]]:
     """Tasks and conditions of all sessions of a protocol, in whichever group."""
-    found = []
+    found = list[tuple[StudyTask, Mapping[str, float]]]()
     for session in range(len(protocol.file.session)):
         for group in protocol.file.groups or [""]:
             for trial in build_plan(protocol, 0, session, group).trials:
                 task, parameters = trial.asked()
-                found.append((task, task.conditions(parameters)))
+                found.append((task, trial_conditions(task, parameters)))
     return found

@@ -13,7 +13,6 @@ import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from datetime import date as calendar_date
 from functools import cached_property
 from itertools import count
 from pathlib import Path
@@ -27,7 +26,7 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.records import check_record, lack, program, renamed
+from esea_host.study.records import AUDIT, check_record, consent_date, lack, program, renamed
 from esea_host.study.session import StudySession, read_session, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
@@ -36,29 +35,8 @@ from esea_host.study.trust import inside, read_code
 LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
-EVENTS, AUDIT, PROTOCOL, TASKS = "events.jsonl", "audit.jsonl", "protocol.toml", "tasks"
-TEXTS = "texts"
-
+EVENTS, PROTOCOL, TASKS, TEXTS = "events.jsonl", "protocol.toml", "tasks", "texts"
 WAIT_S = 30.0  # so long at most for another process to write its entry
-
-
-def gone_from(folder: Path) -> set[str]:
-    """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
-    path = folder / AUDIT
-    entries = map(renamed, read_log(path).entries) if path.exists() else ()
-    return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
-
-
-def consent_date(text: str) -> str:
-    """Today, or a date in the form 2026-11-26 that is not in the future."""
-    today = calendar_date.today()
-    try:
-        found = calendar_date.fromisoformat(text) if text else today
-    except ValueError:
-        raise UserError(f"{text!r} is no date.", "Give it as 2026-11-26.") from None
-    if found > today:
-        raise UserError(f"{text} is in the future.", "Give the day on which it was signed.")
-    return found.isoformat()
 
 
 class StudyFolder:
@@ -125,7 +103,10 @@ class StudyFolder:
     @cached_property
     def simulated(self) -> bool:
         """Whether no real person takes part; decided when the study was created."""
-        return any(k == "created" and bool(d.get("simulated")) for k, d in self.audited())
+        entries = self.trail(strict=False)
+        if not self._found.sound_bytes:  # the first line, which says it, is not what was written
+            self._found.sound(self.path / AUDIT)
+        return bool(entries) and bool(entries[0].data.get("simulated"))
 
     def must_know_operator(self) -> None:
         if not self.by and not self.simulated:
@@ -198,6 +179,7 @@ class StudyFolder:
                 heads[d["participant"], d["session"]] = d["head"]
             elif kind == "repair":  # its end may be in the part that was moved aside
                 heads.pop((d.get("participant", ""), d.get("session", 0)), None)
+        found += Allocations(self.path, self.protocol, self.trail(strict=False)).problems()
         gone = self._with("delete")
         for code, session, path in self.sessions(every=True):
             log = read_log(path)
@@ -230,28 +212,18 @@ class StudyFolder:
 
     def enrol(
         self,
-        code: str,
+        codes: str | Sequence[str],
         consent: bool,
         form: str = "",
         date: str = "",
         obtained_by: str = "",
         strata: Sequence[str] = (),
     ) -> None:
-        """Take a participant in; of the consent: the form's version, its date, who obtained it.
+        """Take participants in; of the consent: the form's version, its date, who obtained it.
 
         strata: ``factor=level`` words of the allocation.
         """
-        self.enrol_all([code], consent, form, date, obtained_by, strata)
-
-    def enrol_all(
-        self,
-        codes: Sequence[str],
-        consent: bool,
-        form: str = "",
-        date: str = "",
-        obtained_by: str = "",
-        strata: Sequence[str] = (),
-    ) -> None:
+        codes = [codes] if isinstance(codes, str) else codes
         stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
             if not CODE.match(code):
@@ -277,8 +249,9 @@ class StudyFolder:
             for code in codes:
                 if code in known:
                     raise UserError(f"{code} is taken.", "Give the next code.")
-                log.append(None, "enrol", {"participant": code, "stratum": stratum})
+                # In this order: an interrupt leaves nobody enrolled without a consent.
                 log.append(None, "consent", {"participant": code, **given})
+                log.append(None, "enrol", {"participant": code, "stratum": stratum})
 
     def withdraw(self, code: str, reason: str = "") -> None:
         """A participant withdraws: no more sessions, and the data is used no longer; it is kept."""
@@ -365,11 +338,14 @@ class StudyFolder:
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)
-            if self.allocations.needs_list:  # else the orders of trials would tell who came when
+            if not self.allocations.by_seed(
+                code
+            ):  # else the orders of trials would tell who came when
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
-            session = StudySession(log, plan, code, source, rows, *given)
+            seal = self.key if self.blinded("operator") else None
+            session = StudySession(log, plan, code, source, rows, *given, seal)
             if source is None:
                 return session
             entry = {"participant": code, "session": number, "day": day, "early": early}
@@ -430,8 +406,8 @@ class StudyFolder:
     @property
     def key(self) -> bytes:
         """The secret key of codes, orders and sealed values."""
-        key = study_key(self.path)
         created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        key = study_key(self.path, make="key" not in created)
         if created.get("key", fingerprint(key)) != fingerprint(key):
             raise UserError(
                 f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
@@ -440,7 +416,7 @@ class StudyFolder:
 
     @property
     def allocations(self) -> Allocations:
-        return Allocations(self.path, self.protocol, self.trail(), self.key)
+        return Allocations(self.path, self.protocol, self.trail(), lambda: self.key)
 
     def allocate(self, keep: Path, places: int, reason: str = "") -> list[str]:
         """Draw the sealed list, as a third person; returns its strata."""

@@ -15,10 +15,11 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.files import BINARY, locked, utc_now
 from esea_gen.link.received import shown
+from esea_host.study.privacy import SEALED, key_above, sealed, unsealed
 
 DEEPEST = 20
 START = "0" * 64
@@ -167,12 +169,13 @@ def read_log(path: Path, known: LogFound | None = None) -> LogFound:
             if raw == known.last_line and not known.torn:
                 return known
             if raw.startswith(known.last_line):
-                return _read(raw[len(known.last_line) :], known)
+                return _read(raw[len(known.last_line) :], known, path)
             file.seek(0)
-        return _read(file.read(), LogFound())
+        return _read(file.read(), LogFound(), path)
 
 
-def _read(raw: bytes, known: LogFound) -> LogFound:
+def _read(raw: bytes, known: LogFound, path: Path) -> LogFound:
+    key = cache(partial(key_above, path))
     whole, _, torn = raw.rpartition(b"\n")
     entries, breaks, before = list(known.entries), list[str](), START
     sound_bytes, last_line = known.sound_bytes, known.last_line
@@ -180,7 +183,7 @@ def _read(raw: bytes, known: LogFound) -> LogFound:
         before = entries[-1].hash
     for k, line in enumerate(whole.split(b"\n") if whole else [], len(entries)):
         try:
-            entry, fields = _entry(line)
+            entry, fields = _entry(line, key)
             wrong = "its content was edited" if _hash(fields) != entry.hash else ""
             if not wrong and fields["before"] != before:
                 wrong = "a line before it was removed, added or replaced"
@@ -198,15 +201,17 @@ def _read(raw: bytes, known: LogFound) -> LogFound:
     return LogFound(tuple(entries), torn, tuple(breaks), sound_bytes, last_line)
 
 
-def _entry(line: bytes) -> tuple[LoggedEvent, dict[str, Any]]:
+def _entry(line: bytes, key: Callable[[], bytes]) -> tuple[LoggedEvent, dict[str, Any]]:
     fields = json.loads(line)
     own = fields.pop("hash")
-    time_s, data = fields.get("t", 0.0), {**fields["data"]}
+    kind, time_s, data = fields["kind"], fields.get("t", 0.0), {**fields["data"]}
+    if kind == SEALED:
+        kind, data = unsealed(key(), data[SEALED])
     words = [fields.get(k, "") for k in ("utc", "clock", "by")]
-    texts = fields["kind"], own, *words
+    texts = kind, own, *words
     if not isinstance(time_s, int | float) or not all(isinstance(x, str) for x in texts):
         raise TypeError
-    return LoggedEvent(fields["n"], time_s, fields["kind"], data, own, *words), fields
+    return LoggedEvent(fields["n"], time_s, kind, data, own, *words), fields
 
 
 class EventLog:
@@ -215,8 +220,11 @@ class EventLog:
     durable: each event waits for the disk (not for simulated people).  mend: whatever is behind a
     break is moved into a file beside the log, and a lock of another host counts as that of a dead
     holder; taken_over: what a holder that died had left in the lock.  known: as of read_log.
+    seal: a key, by which kind and data of every event are written so that nobody reads them by
+    looking: the group of a blinded study follows from them.
     """
 
+    seal: bytes | None = None
     moved_aside: MovedAside | None = None
 
     def __init__(
@@ -271,7 +279,7 @@ class EventLog:
         lines = []
         for line in rest.split(b"\n"):
             with suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError):
-                entry, fields = _entry(line)
+                entry, fields = _entry(line, partial(key_above, self.path))
                 lines += [entry] if _hash(fields) == entry.hash else []
         digest = hashlib.sha256(rest).hexdigest()
         return MovedAside(aside.name, digest, self.found.breaks, tuple(lines))
@@ -292,6 +300,8 @@ class EventLog:
     def append(self, time_s: float | None, kind: str, data: Mapping[str, Any]) -> None:
         """Write an event; time_s: by the session's clock, where there is one."""
         held = plain({"data": data} if time_s is None else {"t": time_s, "data": data}, kind)
+        if self.seal is not None:
+            kind, held["data"] = SEALED, {SEALED: sealed(self.seal, [kind, held["data"]])}
         utc, clock = utc_now(), clock_state()
         if (behind_s := _behind_s(utc, self._utc)) > 0:
             clock += f", {behind_s:g} s behind the event before"
@@ -303,9 +313,11 @@ class EventLog:
         self._check_end()
         try:
             self._write(line)
-        except BaseException:  # a full disk, an interrupt: nothing is left half written
+        except BaseException as error:  # a full disk, an interrupt: nothing is left half written
             with suppress(OSError):
                 os.ftruncate(self._file, self._size)
+            if isinstance(error, OSError):
+                error.filename = str(self.path)
             raise
         self._size, self._line = self._size + len(line), line
         self._count, self._before, self._utc = self._count + 1, own, utc

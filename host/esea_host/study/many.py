@@ -12,6 +12,7 @@ from joblib import Parallel, delayed
 
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.errors import UserError
+from esea_host.study.allocation import strata_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
@@ -50,7 +51,9 @@ def run_everybody(
     folder = folder.resolve()
     study = StudyFolder.create(folder, protocol, simulated=True, durable=False)
     codes = [code_of(k) for k in range(participants)]
-    study.enrol_all(codes, consent=True)
+    strata = strata_of(protocol.file)
+    for k, stratum in enumerate(strata):
+        study.enrol(codes[k :: len(strata)], consent=True, strata=[stratum])
     trusted = [c.sha256 for c in study.protocol.code]
     work, cases = partial(_everything, folder, sources, trusted), enumerate(codes)
     if cluster is None:

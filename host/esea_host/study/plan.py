@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_host.study.edge import longest_trial_s
 from esea_host.study.protocol import (
     GROUP,
     Protocol,
@@ -193,7 +194,7 @@ def durations_s(plan: Plan) -> tuple[float, float]:
     longest = 0.0
     for trial in plan.trials:
         task, parameters = trial.asked()
-        longest += task.longest_s(parameters)
+        longest += longest_trial_s(task, parameters)
     return longest, sum(t.rest_before_s for t in plan.trials)
 
 

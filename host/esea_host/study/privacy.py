@@ -20,7 +20,7 @@ from typing import Any
 
 from esea_gen.errors import UserError
 
-PRIVATE, KEY = "private", "key"
+PRIVATE, KEY, SEALED = "private", "key", "sealed"
 LEFT_OUT = "left out"  # in place of a value that a blinded person would see
 
 
@@ -37,10 +37,10 @@ def write_secret(path: Path, text: str) -> None:
         os.fsync(out.fileno())
 
 
-def study_key(folder: Path) -> bytes:
-    """The study's secret key; a study of an earlier version gets one here."""
+def study_key(folder: Path, make: bool = True) -> bytes:
+    """The study's secret key; make: a study that has none gets one."""
     path = folder / PRIVATE / KEY
-    if not path.exists():
+    if make and not path.exists():
         write_secret(path, secrets.token_hex(32) + "\n")
     try:
         key = bytes.fromhex(path.read_text(encoding="ascii"))
@@ -49,6 +49,16 @@ def study_key(folder: Path) -> bytes:
     except (OSError, ValueError):
         pass
     raise UserError(f"{path}: cannot be read as a key.", "Restore the file from a copy.")
+
+
+def key_above(path: Path) -> bytes:
+    """The key of the study that a file is of."""
+    for folder in path.parents:
+        if (folder / PRIVATE / KEY).exists():
+            return study_key(folder)
+    raise UserError(
+        f"{path} is sealed, and no {PRIVATE}/{KEY} is there.", "Restore that file from a copy."
+    )
 
 
 def fingerprint(key: bytes) -> str:
@@ -105,6 +115,7 @@ _ABOUT_PEOPLE = re.compile(
     r"(^|_)(age|birth\w*|born|sex|gender|height|mass|weight|name|initials|address|city|site|centre|"
     r"hand\w*|diagnos\w*|race|ethnic\w*|occupation|date|time_of_day)(_|$)"
 )
+_OURS = ("participant", "participant_id", "filename", "trial_type")  # codes, names of events
 FEW = 5
 SHOWN = 6
 
@@ -116,8 +127,8 @@ def findings(
     found = []
     holders: dict[tuple[str, str], dict[str, set[str]]] = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        if path.suffix == ".parquet" or path.name.endswith("_motion.tsv"):
-            continue  # the same rows; numbers without a head
+        if path.suffix == ".parquet" or path.name.endswith(("_motion.tsv", "_channels.tsv")):
+            continue  # the same rows; numbers without a head; names and units of signals
         name, text = path.relative_to(folder).as_posix(), path.read_text(encoding="utf-8")
         patterns = dict(_PATTERNS)
         for what, known in (("a participant's code", codes), ("a person of the record", people)):
@@ -132,7 +143,7 @@ def findings(
             holders.setdefault((path.suffix, column), {}).setdefault(value, set()).add(who)
     for (_, column), values in holders.items():
         texts = sorted(v for v in values if v not in words and not _is_plain(v))
-        if texts and column not in ("participant", "participant_id", "filename"):
+        if texts and column not in _OURS:
             shown = ", ".join(repr(t[:60]) for t in texts[:SHOWN])
             found.append(f"column {column}: free text, {len(texts)} different: {shown}")
         if _ABOUT_PEOPLE.search(column):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import date as calendar_date
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ import esea_gen
 import esea_host
 from esea_gen.errors import UserError
 from esea_gen.version import __version__
-from esea_host.study.log import LoggedEvent
+from esea_host.study.log import LoggedEvent, read_log
+
+AUDIT = "audit.jsonl"
 
 # Of an adverse event: CTCAE's grades in words; relation to the device as in ISO 14155.
 SEVERITIES = ("mild", "moderate", "severe", "life-threatening", "fatal")
@@ -77,3 +80,22 @@ def program() -> dict[str, str]:
                 name = file.relative_to(top.parent).as_posix()
                 digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
     return {"version": __version__, "sha256": digest.hexdigest()}
+
+
+def gone_from(folder: Path) -> set[str]:
+    """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
+    path = folder / AUDIT
+    entries = map(renamed, read_log(path).entries) if path.exists() else ()
+    return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
+
+
+def consent_date(text: str) -> str:
+    """Today, or a date in the form 2026-11-26 that is not in the future."""
+    today = calendar_date.today()
+    try:
+        found = calendar_date.fromisoformat(text) if text else today
+    except ValueError:
+        raise UserError(f"{text!r} is no date.", "Give it as 2026-11-26.") from None
+    if found > today:
+        raise UserError(f"{text} is in the future.", "Give the day on which it was signed.")
+    return found.isoformat()

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Any
 
 from esea_gen.errors import UserError
 from esea_gen.pages import environment
-from esea_host.study.exchange import omissions
+from esea_host.study.exchange import NOBODY, omissions
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent
 from esea_host.study.session import SessionState, read_session
@@ -22,13 +21,14 @@ ACTS = ("allocate", "disclose", "unblind", "export", "repair", "delete", "takeov
 class StudyFlow:
     """Counts of people, in the order of a CONSORT diagram: lines of boxes."""
 
+    simulated: bool
     before: tuple[str, ...]
     allocated: tuple[str, ...]
     arms: tuple[tuple[tuple[str, ...], ...], ...]
 
     def lines(self) -> list[str]:
         boxes = [self.before, self.allocated, *(box for arm in self.arms for box in arm)]
-        return ["; ".join(box) for box in boxes]
+        return [*([NOBODY] if self.simulated else []), *("; ".join(box) for box in boxes)]
 
 
 def flow_of(study: StudyFolder) -> StudyFlow:
@@ -56,7 +56,7 @@ def flow_of(study: StudyFolder) -> StudyFlow:
             arms.append(_arm(study, title, members, states, lost))
     else:
         arms.append(_arm(study, "All participants", opened, states, lost))
-    return StudyFlow(tuple(before), tuple(allocated), tuple(arms))
+    return StudyFlow(study.simulated, tuple(before), tuple(allocated), tuple(arms))
 
 
 def _counted(found: Mapping[str, Set[str]]) -> list[str]:
@@ -88,8 +88,7 @@ def _arm(
         boxes.append((f"Session {number + 1}, {session.name}", told))
     used = sum(bool(study.rows(c, strict=False)) for c in members)
     gone = _counted({what: codes & set(members) for what, codes in lost.items()})
-    boxes += [tuple(gone)] if gone else []
-    boxes.append((f"Data used: {used}",))
+    boxes.append((f"Data used: {used}", *gone))
     return tuple(boxes)
 
 
@@ -112,6 +111,15 @@ def _sessions(
         done = f"{count['completed']} of {len(state.plan.trials)}"
         rows.append((*head, done, str(count["failed"]), str(count["skipped"]), state.ended))
     return rows
+
+
+def _people(study: StudyFolder, entries: Sequence[LoggedEvent]) -> list[tuple[str, ...]]:
+    consents = {e.data["participant"]: e.data for e in entries if e.kind == "consent"}
+    keys, found = ("date", "form", "by"), study.allocations
+    return [
+        (code, found.stratum(code), *(str(consents.get(code, {}).get(k, "")) for k in keys))
+        for code in study.participants()
+    ]
 
 
 def _day(entry: LoggedEvent | None) -> str:
@@ -146,6 +154,7 @@ def study_page(study: StudyFolder) -> str:
             groups_shown=not study.blinded("operator"),
             flow=flow_of(study),
             left_out=omissions(study),
+            people=_people(study, entries),
             session_heads=HEADS,
             sessions=_sessions(study, states),
             adverse=rows(["adverse"], *who),
@@ -160,9 +169,7 @@ def study_page(study: StudyFolder) -> str:
 def _act(entry: LoggedEvent) -> str:
     # Neither a group nor the code that opens it.
     hidden = ("group", "code", "sealed", "sha256", "file")
-    told = ", ".join(f"{k} {_words(v)}" for k, v in entry.data.items() if k not in hidden and v)
+    shown = {k: v for k, v in entry.data.items() if k not in hidden}
+    texts = {k: " ".join(map(str, v)) if isinstance(v, list) else str(v) for k, v in shown.items()}
+    told = ", ".join(f"{k} {text}" for k, text in texts.items() if text)
     return f"{entry.kind}: {told}" if told else entry.kind
-
-
-def _words(value: Any) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -133,6 +133,7 @@ class StudySession:
     """One participant's session; continues a log that is there, whose plan must be the same.
 
     source: None to change the log only; about: what it is run with, for the record.
+    seal: as of :class:`~esea_host.study.log.EventLog`.
     """
 
     def __init__(
@@ -147,11 +148,13 @@ class StudySession:
         by: str = "",
         rehearsal: bool = False,
         about: Mapping[str, Any] | None = None,
+        seal: bytes | None = None,
     ) -> None:
         self.earlier, self.stopping = tuple(earlier), stopping or Stopping()
         self.about = about or {}
         self._offset_s = 0.0
         self.log = EventLog(path, durable, by)
+        self.log.seal = seal
         try:
             if not self.log.found.entries and source is not None:
                 marks = {"simulated": source.simulated, "rehearsal": rehearsal}

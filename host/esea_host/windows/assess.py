@@ -30,8 +30,7 @@ from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.tasks import PAUSE_S, leg_scene
-from esea_host.windows.assess_board import BoardPanel
-from esea_host.windows.assess_controls import ClinicControls
+from esea_host.windows.assess_controls import BoardPanel, ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.frame import Job, ThemedWindow, column_of, qt_application, run_until_closed
 from esea_host.windows.study.scene_view import SceneView

@@ -34,15 +34,11 @@ from esea_host.windows.frame import (
 from esea_host.windows.theme import LIGHT
 
 
-class _News(QObject):
-    # From the thread that works to the one that draws.
-    asked = Signal(str)
-    said = Signal(str)
-    ended = Signal(object)
-
-
 class CommissioningWindow(StopWindow):
     """Each step runs in a thread; unless simulated, the bench asks this window."""
+
+    # From the thread that works to the one that draws.
+    said, asked, ended = Signal(str), Signal(str), Signal(object)
 
     def __init__(
         self,
@@ -57,13 +53,12 @@ class CommissioningWindow(StopWindow):
         self.done: dict[str, StepResult] = {}
         self._thread: threading.Thread | None = None
         self._go_on = threading.Event()
-        self._news = _News()
-        self._news.asked.connect(self._show_asked)
-        self._news.said.connect(self._show_said)
-        self._news.ended.connect(self._show_ended)
+        self.said.connect(self._show_said)
+        self.asked.connect(self._show_asked)
+        self.ended.connect(self._show_ended)
         # A board whose clock the steps move is stopped by the step; else past all that waits.
         self._stopper = None if bench.hands_free else StopSender(bench.device)
-        bench.say = self._news.said.emit
+        bench.say = self.said.emit
         if not bench.hands_free:
             bench.change_hands(self._wait_for_person)
         kind = "SIMULATED " if bench.device.simulated else ""
@@ -120,9 +115,9 @@ class CommissioningWindow(StopWindow):
         elif self.list.currentRow() == 0:
             lines = "<br>".join(html.escape(x) for x in guide(self.bench.board))
             self.text.setText(f'<span style="color:{LIGHT.soft}">{lines}</span>')
-        self._enable(asking=False)
+        self._enable()
 
-    def _enable(self, asking: bool) -> None:
+    def _enable(self, asking: bool = False) -> None:
         needs_mass = self.step.name == "torque" and self.options.known is None
         self.start_button.setEnabled(not self.busy and not needs_mass)
         self.ready_button.setEnabled(asking)
@@ -141,7 +136,7 @@ class CommissioningWindow(StopWindow):
         self._thread = threading.Thread(
             target=self._work, args=(step,), name="esea-commission", daemon=True
         )
-        self._enable(asking=False)
+        self._enable()
         self._thread.start()
 
     def _work(self, step: CommissioningStep) -> None:
@@ -152,13 +147,13 @@ class CommissioningWindow(StopWindow):
             if isinstance(error, CommissioningEndedError):
                 with contextlib.suppress(Exception):
                     self.bench.device.stop()
-            self._news.ended.emit(error)
+            self.ended.emit(error)
         else:
-            self._news.ended.emit(result)
+            self.ended.emit(result)
 
     def _wait_for_person(self, act: HandAct) -> None:
         self._go_on.clear()
-        self._news.asked.emit(act.text)
+        self.asked.emit(act.text)
         while not self._go_on.wait(0.05):
             if self.bench.cancelled:
                 return
@@ -178,7 +173,7 @@ class CommissioningWindow(StopWindow):
     # -- shown -----------------------------------------------------------------------------------
 
     def _show_asked(self, text: str) -> None:
-        self.text.setText(f'<p style="font-size:17px">{html.escape(text)}</p>')
+        self._show_said(text)
         self._enable(asking=True)
 
     def _show_said(self, text: str) -> None:
@@ -195,7 +190,7 @@ class CommissioningWindow(StopWindow):
             said = html.escape(str(end))
             self.text.setText(f'<p style="color:{LIGHT.alarm}; font-size:17px">{said}</p>')
         self._rename()
-        self._enable(asking=False)
+        self._enable()
 
     def _show_result(self, result: StepResult) -> None:
         colour = LIGHT.good if result.passed else LIGHT.alarm

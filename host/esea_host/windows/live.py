@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 from esea_host.connection import PlayedBoard
 from esea_host.windows.arm import add_arms
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import LiveFeed, Stretch
 from esea_host.windows.frame import (
     Job,
     StopWindow,
@@ -33,7 +33,6 @@ from esea_host.windows.frame import (
     run_until_closed,
     state_colour,
 )
-from esea_host.windows.history import Stretch
 from esea_host.windows.meanings import link_text, state_text
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QHBoxLayout,
@@ -24,19 +24,15 @@ HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210
 
 
-class _Answers(QObject):
-    # From the thread that asks the board to the one that draws.
-    read = Signal(dict)
-
-
 class ParameterEditor(QWidget):
+    answered = Signal(dict)  # from the thread that asks the board to the one that draws
+
     def __init__(self, feed: LiveFeed) -> None:
         super().__init__()
         self._feed = feed
         self.known = [p for p in feed.device.session.known_parameters() if not p.fixed]
         self._values: dict[str, float] = {}
-        self._answers = _Answers()
-        self._answers.read.connect(self._show)
+        self.answered.connect(self._show)
         self.table = QTableWidget(len(self.known), len(HEADS))
         self.table.setHorizontalHeaderLabels(HEADS)
         self.table.verticalHeader().hide()
@@ -59,7 +55,7 @@ class ParameterEditor(QWidget):
     def read(self) -> None:
         def job() -> str:
             values = self._feed.device.parameters()
-            self._answers.read.emit(values)
+            self.answered.emit(values)
             return f"{len(values)} parameters"
 
         self._feed.do("read", job)

@@ -16,9 +16,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel
 
 from esea_gen.model.sensing import of_axis
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import Floats, LiveFeed, Stretch, curve, spans
 from esea_host.windows.frame import coloured
-from esea_host.windows.history import Floats, Stretch, curve, spans
 from esea_host.windows.meanings import LimitFlag, limit_flags, mode_text
 from esea_host.windows.theme import Theme
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QWidget
 
-from esea_host.windows.history import Floats, Stretch
+from esea_host.windows.feed import Floats, Stretch
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.plots import ShownSignal
 

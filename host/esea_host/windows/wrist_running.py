@@ -13,8 +13,7 @@ from esea_gen.errors import UserError
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.address import SimulatedProcess
 from esea_host.connection.recording import LiveRecording
-from esea_host.simulated.drive import SimulatedBoard
-from esea_host.simulated.lockstep import LockstepDevice
+from esea_host.simulated.drive import LockstepDevice, SimulatedBoard
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.frame import qt_application, run_until_closed, save_picture
 from esea_host.windows.operator import WORKING, ConstraintKeeper

@@ -30,34 +30,30 @@ LEAST_SPEED_DEG_S = 5.0
 LEAST_REACH = 0.8
 
 
-@dataclass(frozen=True)
-class Crossings:
-    node_deg: float
-    speeds_deg_s: tuple[float, ...]
+Traces = Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]  # time_s, theta_deg
 
 
-def crossings(time_s: npt.ArrayLike, theta_deg: npt.ArrayLike, node_deg: float) -> Crossings:
-    t, th = np.asarray(time_s, np.float64), np.asarray(theta_deg, np.float64)
-    beyond = th >= node_deg
-    k = np.flatnonzero(beyond[1:] != beyond[:-1])
-    speeds = np.abs((th[k + 1] - th[k]) / (t[k + 1] - t[k]))
-    return Crossings(node_deg, tuple(float(v) for v in speeds))
+def crossings(traces: Traces, node_deg: float) -> list[float]:
+    """Speeds, deg/s, at all crossings of a node."""
+    found: list[float] = []
+    for time_s, theta_deg in traces:
+        t, th = np.asarray(time_s, np.float64), np.asarray(theta_deg, np.float64)
+        beyond = th >= node_deg
+        k = np.flatnonzero(beyond[1:] != beyond[:-1])
+        found += np.abs((th[k + 1] - th[k]) / (t[k + 1] - t[k])).tolist()
+    return found
 
 
-def node_speeds(
-    low_deg: float, high_deg: float, traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]]
-) -> NodeSpeeds:
+def node_speeds(low_deg: float, high_deg: float, traces: Traces) -> NodeSpeeds:
     if not high_deg > low_deg:
         raise UserError(
             f"The range of motion, {low_deg:.1f} to {high_deg:.1f} deg, is empty.",
             "Measure it again.",
         )
     nodes = node_places(low_deg, high_deg)
-    speeds: list[float | None] = []
-    for node in nodes:
-        passes = [v for t, th in traces for v in crossings(t, th, node).speeds_deg_s]
-        speeds.append(float(np.mean(passes)) if passes else None)
-    return NodeSpeeds(low_deg, high_deg, tuple(nodes), tuple(speeds))
+    passes = [crossings(traces, node) for node in nodes]
+    speeds = tuple(float(np.mean(p)) if p else None for p in passes)
+    return NodeSpeeds(low_deg, high_deg, tuple(nodes), speeds)
 
 
 @dataclass(frozen=True)
@@ -70,10 +66,7 @@ class Complaint:
 
 
 def quality(
-    low_deg: float,
-    high_deg: float,
-    traces: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]],
-    least_passes: int = LEAST_PASSES,
+    low_deg: float, high_deg: float, traces: Traces, least_passes: int = LEAST_PASSES
 ) -> list[Complaint]:
     """What is wrong with movements so far: too slow, not far enough, too few passes."""
     found: list[Complaint] = []
@@ -84,7 +77,7 @@ def quality(
             given = {"percent": 100 * reached, "least": 100 * LEAST_REACH}
             found.append(Complaint("further", keyed("advice.too_small", **given)))
     for node in node_places(low_deg, high_deg):
-        passes = [v for t, th in traces for v in crossings(t, th, node).speeds_deg_s]
+        passes = crossings(traces, node)
         if len(passes) < least_passes:
             few = keyed("advice.too_few", node_deg=node, passes=len(passes), least=least_passes)
             found.append(Complaint("more", few, node))

@@ -72,11 +72,8 @@ class CalibrationGuide:
         at = len(self.past)
         return self.steps[at] if at < len(self.steps) else None
 
-    def back(self) -> None:
+    def back(self, steps: int = 1) -> None:
         """Repeat the step before this one; at the end, the last one."""
-        self._repeat(1)
-
-    def _repeat(self, steps: int) -> None:
         del self.past[max(0, len(self.past) - steps) :]
         self._state = None
 
@@ -120,7 +117,7 @@ class CalibrationGuide:
             check_nodes(step.title, speeds)
         except UserError as error:
             self.advice = str(error)
-            self._repeat(2 if step.task == "wrist.range" else 1)
+            self.back(2 if step.task == "wrist.range" else 1)
 
 
 def _readable(scene: Scene) -> Scene:

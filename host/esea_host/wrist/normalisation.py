@@ -13,10 +13,12 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
+import pydantic
+from pydantic import Field
 from scipy.special import erf
 
 from esea_gen.errors import UserError
@@ -34,14 +36,24 @@ REPEATED_DEG = 5.0
 LEAST_SPEED_SHARE = 0.25
 
 
-@dataclass(frozen=True)
-class NodeSpeeds:
-    """Speeds of one axis in one state."""
+Angle_deg = Annotated[float, Field(ge=-180, le=180)]
+MOST_NODES = 36  # a full turn
 
-    low_deg: float
-    high_deg: float
-    nodes_deg: tuple[float, ...]
-    speeds_deg_s: tuple[float | None, ...]
+
+@pydantic.dataclasses.dataclass(
+    frozen=True, config=pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+)
+class NodeSpeeds:
+    """Range of one axis in one state from the neutral position, mean speeds at its nodes."""
+
+    low_deg: Angle_deg
+    high_deg: Angle_deg
+    nodes_deg: Annotated[tuple[float, ...], Field(max_length=MOST_NODES)]
+    speeds_deg_s: Annotated[tuple[float | None, ...], Field(max_length=MOST_NODES)]
+
+    @property
+    def range_deg(self) -> tuple[float, float]:
+        return self.low_deg, self.high_deg
 
     @property
     def width_deg(self) -> float:

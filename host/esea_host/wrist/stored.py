@@ -18,6 +18,7 @@ from esea_gen.files import read_whole, write_whole
 from esea_gen.toml_file import checked, parse_toml
 from esea_host.wrist.calibration import AXES, Calibrated, calibrated
 from esea_host.wrist.normalisation import (
+    Angle_deg,
     CursorMap,
     NodeSpeeds,
     check_nodes,
@@ -28,41 +29,23 @@ from esea_host.wrist.normalisation import (
 SEE = "docs/wrist-display.md"
 MAKE = "Give a file that esea-host wrist saved, or calibrate again."
 MOST_BYTES = 1 << 20
-MOST_NODES = 36  # a full turn
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class StoredAxis(_Table):
-    """Range of motion of one axis from the neutral position, and mean speeds at its nodes."""
-
-    low_deg: float = Field(ge=-180, le=180)
-    high_deg: float = Field(ge=-180, le=180)
-    nodes_deg: tuple[float, ...] = Field(max_length=MOST_NODES)
-    speeds_deg_s: tuple[float, ...] = Field(max_length=MOST_NODES)
-
-    @property
-    def range_deg(self) -> tuple[float, float]:
-        return self.low_deg, self.high_deg
-
-    @property
-    def speeds(self) -> NodeSpeeds:
-        return NodeSpeeds(self.low_deg, self.high_deg, self.nodes_deg, self.speeds_deg_s)
-
-
 class StoredState(_Table):
-    neutral_fe_deg: float = Field(ge=-180, le=180)
-    neutral_ru_deg: float = Field(ge=-180, le=180)
-    FE: StoredAxis
-    RU: StoredAxis
+    neutral_fe_deg: Angle_deg
+    neutral_ru_deg: Angle_deg
+    FE: NodeSpeeds
+    RU: NodeSpeeds
 
     @property
     def neutral_deg(self) -> tuple[float, float]:
         return self.neutral_fe_deg, self.neutral_ru_deg
 
-    def axis(self, name: str) -> StoredAxis:
+    def axis(self, name: str) -> NodeSpeeds:
         return self.FE if name == "FE" else self.RU
 
 
@@ -86,9 +69,7 @@ class WristCalibration(_Table):
     def maps(self) -> dict[str, CursorMap] | None:
         if self.constrained is None:
             return None
-        return {
-            a: normalise(self.healthy.axis(a).speeds, self.constrained.axis(a).speeds) for a in AXES
-        }
+        return {a: normalise(self.healthy.axis(a), self.constrained.axis(a)) for a in AXES}
 
     def digest(self) -> str:
         content = self.model_dump(mode="json", by_alias=True, exclude={"sha256"})
@@ -146,12 +127,8 @@ def _within(constrained: Calibrated, healthy: Calibrated) -> dict[str, tuple[flo
 def _state(name: str, found: Calibrated) -> StoredState:
     axes = {}
     for axis in AXES:
-        s = found.speeds(axis)
-        check_nodes(f"{name} {axis}", s)
-        speeds = tuple(v for v in s.speeds_deg_s if v is not None)
-        axes[axis] = StoredAxis(
-            low_deg=s.low_deg, high_deg=s.high_deg, nodes_deg=s.nodes_deg, speeds_deg_s=speeds
-        )
+        axes[axis] = found.speeds(axis)
+        check_nodes(f"{name} {axis}", axes[axis])
     fe, ru = found.neutral
     return StoredState(neutral_fe_deg=fe, neutral_ru_deg=ru, **axes)
 
@@ -187,7 +164,7 @@ def load_calibration(path: Path) -> WristCalibration:
     return found
 
 
-def _check_axis(where: str, axis: StoredAxis) -> None:
+def _check_axis(where: str, axis: NodeSpeeds) -> None:
     # What the fit takes for granted.
     if not axis.low_deg < axis.high_deg:
         raise UserError(f"{where}: low_deg is not below high_deg.", "")
@@ -195,4 +172,4 @@ def _check_axis(where: str, axis: StoredAxis) -> None:
         raise UserError(f"{where}: nodes_deg are not the nodes of its range.", "")
     if len(axis.nodes_deg) != len(axis.speeds_deg_s):
         raise UserError(f"{where}: nodes_deg and speeds_deg_s differ in number.", "")
-    check_nodes(where, axis.speeds)
+    check_nodes(where, axis)

@@ -307,9 +307,8 @@ def wrist_protocol(seed: int, method: str = "rbf") -> Protocol:
     return parse_protocol(text, PROTOCOL.name)
 
 
-class WristPeople(VirtualPeople):
-    def source(self, who: VirtualParticipant, index: int, session: int) -> InputSource:
-        return VirtualPerson(who)
+def worn(who: VirtualParticipant, _index: int, _session: int) -> InputSource:
+    return VirtualPerson(who)
 
 
 def run_study(
@@ -325,5 +324,5 @@ def run_study(
 ) -> list[str]:
     asked = protocol or wrist_protocol(seed, method)
     SimulatedBoard(wrist_drive(), person="nobody").close()  # compiled before the processes start
-    people = WristPeople(seed, model or PersonModel())
+    people = VirtualPeople(seed, model or PersonModel(), worn)
     return run_everybody(folder, asked, participants, people, jobs, cluster, say)
