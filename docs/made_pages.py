@@ -31,7 +31,6 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Blocks, Systems, devices",
         ("language.ports", "language.block", "language.system", "device", "control.law", "errors"),
     ),
-    "c": ("Loading C", ("hostlib.library",)),
     "verify": ("Verification", ("verify.equivalence", "verify.verdict")),
     "identify": (
         "Identification, twin, analysis",

@@ -160,7 +160,7 @@ def locked(
             fix = "If that computer is off or has lost it: esea-host study repair FOLDER."
             raise _held(path, left, f"Whether it still runs cannot be seen from here. {fix}")
         try:
-            _write_holder(file, person, host)
+            _write_holder(file, path, person, host)
             yield left
         finally:
             with suppress(OSError):
@@ -180,14 +180,18 @@ def _lock(file: int, path: Path) -> bool:
         ) from None
 
 
-def _write_holder(file: int, person: str, host: str) -> None:
+def _write_holder(file: int, path: Path, person: str, host: str) -> None:
     if not person:
         with suppress(OSError, KeyError, ImportError):  # a login without a name
             person = getpass.getuser()
     holder = {"pid": os.getpid(), "host": host, "person": person, "since": utc_now()}
     os.ftruncate(file, 0)
     os.lseek(file, 0, os.SEEK_SET)
-    os.write(file, json.dumps(holder).encode() + b"\n")
+    try:
+        os.write(file, json.dumps(holder).encode() + b"\n")
+    except OSError as error:
+        error.filename = str(path)
+        raise
 
 
 def _holder(file: int) -> dict[str, Any]:

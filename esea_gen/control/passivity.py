@@ -28,7 +28,7 @@ from esea_gen.language.ports import (
     status_port,
     threshold,
 )
-from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
+from esea_gen.language.stream import OwnStreams, Stream, coefficient_edges, single
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
@@ -329,12 +329,7 @@ EQUATIONS = """
 
 
 def _bad_coefficients(block: Block, dtype: np.dtype[Any], rng: np.random.Generator) -> list[Stream]:
-    # Each just inside and just outside its range, and no number at all; both at once.
-    cases: list[dict[str, float]] = [{}]
-    for p in block.coefficients:
-        low, high = dtype.type(p.low), dtype.type(p.high)
-        below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
-        cases += [{p.name: float(v)} for v in (low, high, below, above, *SPECIAL)]
+    cases = coefficient_edges(block, dtype)
     cases.append({p.name: float("nan") for p in block.coefficients})
     each = 8
     count = each * len(cases)

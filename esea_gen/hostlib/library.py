@@ -23,15 +23,7 @@ from esea_gen.language.system import System, SystemSimulator
 
 
 class HostLibrary:
-    """A System's generated C, compiled for the host.
-
-    Parameters
-    ----------
-    system : System
-    renderer : Renderer
-    flags : sequence of str
-        Compiler flags beside the project's own (sanitizers, coverage).
-    """
+    """A System's generated C, compiled for the host; ``flags`` beside the project's own."""
 
     def __init__(self, system: System, renderer: Renderer, flags: Sequence[str] = ()) -> None:
         self.system = system
@@ -50,54 +42,29 @@ class HostLibrary:
         self._init = renderer.init_name
 
     def function(self, name: str) -> Any:
-        """A function of the C by the name that its header gives it.
-
-        Parameters
-        ----------
-        name : str
-            With the prefix.
-        """
+        """A function of the C by the name that its header gives it."""
         return getattr(self.lib, self._init if name == f"{self.prefix}_init" else name)
 
     def dtype(self, c_type: str) -> np.dtype[Any]:
-        """numpy type of a C struct, field for field.
-
-        Parameters
-        ----------
-        c_type : str
-            Its name in the header.
-        """
+        """numpy type of a C struct, field for field."""
         return struct_dtype(self.ffi, c_type)
 
     def board(self, tunables: Mapping[str, Mapping[str, float]] | None = None) -> CBoard:
         """The System as firmware runs it, all tasks on one state.
 
-        Parameters
-        ----------
-        tunables : mapping, optional
-            ``{instance: {tunable: value}}`` other than the defaults.
+        tunables: ``{instance: {tunable: value}}`` other than the defaults.
         """
         return CBoard(self, tunables)
 
     def block(self, name: str) -> CRunner:
-        """A compiled Block.
-
-        Parameters
-        ----------
-        name : str
-        """
+        """A compiled Block."""
         block: Block = next(b for b in self.system.kinds if b.name == name)
         groups = ("in", block.inputs), ("out", block.outputs), ("state", block.state)
         fields = ([block_field(self.naming, block, g, p) for p in ports] for g, ports in groups)
         return CRunner(self, name, block, *fields)
 
     def task(self, name: str) -> CRunner:
-        """A compiled task.
-
-        Parameters
-        ----------
-        name : str
-        """
+        """A compiled task."""
         system, task = self.system, self.system.task(name)
         groups = (system.task_inputs(task), system.task_outputs(task))
         inputs, outputs = ([external_field(self.naming, x) for x in group] for group in groups)
@@ -105,28 +72,12 @@ class HostLibrary:
 
 
 def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> HostLibrary:
-    """Render and compile a System that need not belong to a device.
-
-    Parameters
-    ----------
-    system : System
-    real : str
-    flags : sequence of str
-        Compiler flags beside the project's own.
-    """
+    """Render and compile a System that need not belong to a device."""
     return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:
-    """Render and compile a device's C, the bytes that ``esea-gen build`` writes.
-
-    Parameters
-    ----------
-    device : Device
-    real : str
-    flags : sequence of str
-        Compiler flags beside the project's own.
-    """
+    """Render and compile a device's C, the bytes that ``esea-gen build`` writes."""
     digest = format_hash(device, real)
     renderer = Renderer(device.system, FORMATS[real], digest, "-", device.title)
     return HostLibrary(device.system, renderer, flags)
@@ -135,15 +86,7 @@ def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> Host
 class CRunner:
     """A compiled Block or task: steps and runs like its symbolic counterpart.
 
-    Parameters
-    ----------
-    library : HostLibrary
-        Where it lives.
-    name : str
-    owner : Block or System
-        Whose params, coefficients and state it has: the Block's own, or the System's for a task.
-    inputs, outputs, state : sequence of Field
-        Fields of its structs; the state empty for a task.
+    owner: whose params, coefficients and state it has, the Block's own, or the System's for a task.
     """
 
     def __init__(
@@ -178,12 +121,8 @@ class CRunner:
     def prepare(self, tunables: Mapping[str, Any]) -> int:
         """Set tunables, the others at their defaults, derive the coefficients, and reset.
 
-        Returns 0, or the number of a refused tunable (tasks only; nothing is then changed).
-
-        Parameters
-        ----------
-        tunables : mapping
-            For a Block ``{tunable: value}``; for a task ``{instance: {tunable: value}}``.
+        Of a Block ``{tunable: value}``, of a task ``{instance: {tunable: value}}``. Returns 0, or
+        the number of a refused tunable (tasks only; nothing is then changed).
         """
         refused = 0
         if self._params is not None:
@@ -220,14 +159,7 @@ class CRunner:
         return self.library.ffi.buffer(self._coeffs[0])
 
     def put_state(self, values: Mapping[str, Any]) -> None:
-        """Overwrite part of the state.
-
-        Parameters
-        ----------
-        values : mapping of str to array
-            By state port, in units (in q31, whole numbers are raw numbers); counters by their C
-            names.
-        """
+        """Overwrite part of the state: ports in units or raw whole numbers, counters by C name."""
         known = {f.name: f for f in self.state_fields}
         for name, value in values.items():
             self._state[name] = known[name].encode(value) if name in known else value
@@ -235,11 +167,7 @@ class CRunner:
     def pack(self, inputs: Mapping[str, Any]) -> Array:
         """Arrange a stream as an array of the C's input structs.
 
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            One array per input, shape (steps,) or (steps, size), in units (in q31, whole numbers
-            are raw numbers).
+        Per input an array (steps,) or (steps, size) in units; in q31, whole numbers are raw.
         """
         steps = len(np.atleast_1d(next(iter(inputs.values())))) if inputs else 0
         packed = np.zeros(steps, self._in_type)
@@ -250,16 +178,9 @@ class CRunner:
     def run(
         self, inputs: Mapping[str, Any], trace: bool = True, raw: bool = False
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run over a stream, going on from the present state.
+        """Run over a stream, going on from the present state: outputs, and with ``trace`` states.
 
-        Parameters
-        ----------
-        inputs : mapping of str to array
-            As for :meth:`pack`.
-        trace : bool
-            Whether to record the state after every step.
-        raw : bool
-            Give the C's own numbers, which in q31 are no units.
+        raw: the C's own numbers, which in q31 are no units.
         """
         packed = self.pack(inputs)
         out = np.zeros(len(packed), self._out_type)
@@ -279,13 +200,7 @@ class CRunner:
         return outputs, after
 
     def step(self, **inputs: Any) -> dict[str, Any]:
-        """One step.
-
-        Parameters
-        ----------
-        **inputs : float or ndarray
-            One value per input.
-        """
+        """One step."""
         outputs, _ = self.run({k: np.asarray(v)[None] for k, v in inputs.items()}, trace=False)
         return {k: v[0] for k, v in outputs.items()}
 
@@ -308,19 +223,8 @@ def _prepared(
 class CBoard:
     """A System's compiled C, called as firmware calls it: one state, shared by all tasks.
 
-    It has the face of :class:`esea_gen.language.system.SystemSimulator`.
-
-    Parameters
-    ----------
-    library : HostLibrary
-        Where it lives.
-    tunables : mapping, optional
-        ``{instance: {tunable: value}}`` other than the defaults.
-
-    Raises
-    ------
-    ValueError
-        For a tunable outside its range.
+    It has the face of :class:`esea_gen.language.system.SystemSimulator`, and refuses a tunable
+    outside its range with a ValueError.
     """
 
     def __init__(
@@ -352,23 +256,11 @@ class CBoard:
         return self.library.ffi.new(f"{self.library.prefix}_{kind}_t *", values or {})
 
     def call(self, verb: str, *arguments: Any) -> Any:
-        """Call a function of the System: ``release``, ``resume``, ``sense_step``.
-
-        Parameters
-        ----------
-        verb : str
-            Its name, without the prefix.
-        *arguments : cffi structs or numbers
-        """
+        """Call a function of the System: ``release``, ``resume``, ``sense_step``."""
         return self.library.function(f"{self.library.prefix}_{verb}")(*arguments)
 
     def release(self, tick: int) -> None:
-        """Move the latches: at every base tick, before the tasks.
-
-        Parameters
-        ----------
-        tick : int
-        """
+        """Move the latches: at every base tick, before the tasks."""
         if self.system.latches:
             self.call("release", self.state, tick)
 
@@ -379,14 +271,7 @@ class CBoard:
         return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
-        """One run of a task.
-
-        Parameters
-        ----------
-        task_name : str
-        **inputs : float or sequence of float
-            Its external inputs, in units; in q31, NaN and what does not fit is invalid.
-        """
+        """One run of a task, in units; in q31, NaN and what does not fit is invalid."""
         out = self.raw_step(task_name, inputs)
         return {
             f.name: f.decode(held if f.port.size == 1 else np.array(list(held)))
@@ -395,15 +280,7 @@ class CBoard:
         }
 
     def raw_step(self, task_name: str, inputs: Mapping[str, Any]) -> Any:
-        """One run of a task, its outputs as the C's struct.
-
-        Parameters
-        ----------
-        task_name : str
-            Which.
-        inputs : mapping
-            As for :meth:`step`.
-        """
+        """One run of a task, its outputs as the C's struct."""
         taken, _ = self._fields[task_name]
         given = {f.name: _held(f, inputs[f.name]) for f in taken}
         out = self._new(f"{task_name}_out")
@@ -424,13 +301,8 @@ def run_schedule(
 ) -> dict[str, dict[str, Array]]:
     """Run every task of a System at its own ticks: per task, an array per external output.
 
-    Parameters
-    ----------
-    board : CBoard or SystemSimulator
-        The C, or the symbols.
-    inputs : mapping of str to mapping
-        Per task, one array per external input with one element a run; for a task without inputs
-        ``{"": zeros}`` of as many elements as it has runs.
+    inputs: per task, an array per external input, an element a run; of a task without inputs an
+        empty name, with as many elements as it has runs.
     """
     system = board.system
     runs = {t: len(next(iter(columns.values()))) for t, columns in inputs.items()}

@@ -42,18 +42,23 @@ def single(values: npt.ArrayLike) -> Array:
         return np.asarray(values, dtype=np.float64).astype(np.float32).astype(np.float64)
 
 
-def _no_events(_block: Any, _rng: np.random.Generator) -> list[Stream]:
-    return []
-
-
-def _no_memories(_block: Any, _dtype: np.dtype[Any], _rng: np.random.Generator) -> list[Stream]:
-    return []
+def coefficient_edges(block: Any, dtype: np.dtype[Any]) -> list[dict[str, float]]:
+    """No coefficient changed, then each just inside and just outside its range, and no number."""
+    cases: list[dict[str, float]] = [{}]
+    for p in block.coefficients:
+        low, high = dtype.type(p.low), dtype.type(p.high)
+        below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
+        cases += [{p.name: float(v)} for v in (low, high, below, above, *SPECIAL)]
+    return cases
 
 
 @dataclass(frozen=True)
 class OwnStreams:
     """The streams that a Block or Program brings along, made by functions that are given it."""
 
-    events: Callable[[Any, np.random.Generator], list[Stream]] = _no_events  # for every comparison
+    # For every comparison.
+    events: Callable[[Any, np.random.Generator], list[Stream]] = lambda _block, _rng: []
     # For comparisons bit by bit in one format: coefficients and states that no ordinary run brings.
-    memories: Callable[[Any, np.dtype[Any], np.random.Generator], list[Stream]] = _no_memories
+    memories: Callable[[Any, np.dtype[Any], np.random.Generator], list[Stream]] = (
+        lambda _block, _dtype, _rng: []
+    )

@@ -27,13 +27,13 @@ from esea_gen.language.ports import (
     Equation,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     status_port,
     threshold,
 )
 from esea_gen.model.plays import STREAMS
+from esea_gen.model.sections import file_tunable
 from esea_gen.model.symbolic import equations, to_casadi
 
 THETA, RATE, TAU_R, DT = sp.symbols("theta omega_m tau_r h", real=True)
@@ -83,7 +83,9 @@ def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
 def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str, Any]:
     """The elastomer's parameters as tunables: what identification runs."""
     keys = MODEL_KEYS + (RATE_KEYS if rate_terms else ())
-    tunables = tuple(_as_tunable(device, key) for key in keys)
+    given = dict(device.quantities())
+    dotted = {k: f"elastomer.maxwell.{k}" if k in RATE_KEYS else f"elastomer.{k}" for k in keys}
+    tunables = tuple(file_tunable(n, given[n].constant(k)) for k, n in dotted.items())
     direct = ("k1_Nm_rad", "k3_Nm_rad3") + (RATE_KEYS if rate_terms else ())
     coefficients = (
         Port("r_rad", 0.0, 4.0, "thresholds of the stop operators", stops, "(3.11)"),
@@ -309,15 +311,6 @@ def _power_cuts(gain: float, exponent: float, offset: float, limit: float) -> tu
 def _beyond_cuts(dead_zone: float, cuts: tuple[float, ...]) -> tuple[float, ...]:
     # The first cut is the dead zone's edge, where the rate is switched.
     return (dead_zone, *(dead_zone + c for c in cuts)) if dead_zone else cuts
-
-
-def _as_tunable(device: DeviceData, key: str) -> Tunable:
-    from esea_gen.devices.fields import field_facts
-
-    dotted = f"elastomer.maxwell.{key}" if key in RATE_KEYS else f"elastomer.{key}"
-    q = dict(device.quantities())[dotted]
-    extra = field_facts(dotted)
-    return Tunable(key, q.value, extra["low"], extra["high"], extra["text"], q.source, q.status)
 
 
 COMMON = """

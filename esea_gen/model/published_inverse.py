@@ -17,7 +17,6 @@ from esea_gen.language.ports import (
     Constant,
     Flag,
     Port,
-    Tunable,
     around,
     clip,
     status_port,
@@ -25,6 +24,7 @@ from esea_gen.language.ports import (
 )
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
 from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
+from esea_gen.model.sections import file_tunable
 from esea_gen.model.symbolic import equations, to_casadi
 
 FilterName = Literal["a", "a_normalised", "b", "b_normalised", "b_rounding"]
@@ -78,13 +78,6 @@ def _play_constants(device: DeviceData, arguments: Mapping[str, float | None]) -
     ]
 
 
-def _play_tunable(c: Constant) -> Tunable:
-    from esea_gen.devices.fields import field_facts
-
-    f = field_facts(f"inverse.{c.name}")
-    return Tunable(c.name, c.value, f["low"], f["high"], f["text"], c.source, c.status)
-
-
 def _play_grid(kappa: Any, phi: Any, chi: Any) -> tuple[list[Any], list[Any]]:
     # Thresholds (4.9) and weights (4.8) of the play operators: numbers or symbols.
     r = [chi * j for j in range(1, PLAYS + 1)]
@@ -93,7 +86,7 @@ def _play_grid(kappa: Any, phi: Any, chi: Any) -> tuple[list[Any], list[Any]]:
 
 def _tunable_plays(plays: Sequence[Constant]) -> dict[str, Any]:
     """The play operators' parameters as tunables: what identification runs."""
-    tunables = tuple(_play_tunable(c) for c in plays)
+    tunables = tuple(file_tunable(f"inverse.{c.name}", c) for c in plays)
     high = {t.name: t.high for t in tunables}
     far, heavy = PLAYS * high["chi_rad"], high["kappa_rad"]
     coefficients = (

@@ -301,7 +301,7 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
     # Armed: a changed number, a cut file, something else.
     with np.load(path) as file:
         arrays = {n: file[n] for n in file.files}
-    arrays["responses_Nm"][0, 0] += 1e-9
+    arrays["responses_Nm"][0, 0] += 1e-3
     np.savez(tmp_path / "c.npz", **arrays)
     with pytest.raises(UserError, match="not what was saved"):
         ResponseDataBase.load(tmp_path / "c.npz")

@@ -18,8 +18,9 @@ from typer.testing import CliRunner
 from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
-from esea_host.assess.build import cached, none_offset
-from esea_host.assess.database import ResponseDataBase
+from esea_host.assess import build as build_module
+from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many, none_offset
+from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.evaluation import draw_groups, evaluate, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
@@ -28,6 +29,7 @@ from esea_host.assess.judge import judge
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,
+    RELAXED,
     STEP_S,
     KneePatient,
     Knees,
@@ -41,9 +43,9 @@ from esea_host.assess.patients import (
     sweep,
 )
 from esea_host.assess.probing import MEASURES, Comfort, probing_movement
-from esea_host.assess.responses import LegRecording, Location, along, passage
+from esea_host.assess.responses import LegRecording, Location, Passage, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
-from esea_host.assess.simulated import knee_sensor
+from esea_host.assess.simulated import knee_sensor, swept
 from esea_host.assess.validation import (
     against_elbow,
     knee_stiffness,
@@ -339,16 +341,69 @@ def test_it_is_judged_on_the_simulated_knees_categories_alone():
             draw_groups(10, 1, names)
 
 
-def test_a_data_base_is_announced_and_built_once(monkeypatch, tmp_path):
-    built, told = [], []
-    monkeypatch.setattr("esea_host.assess.build.cache_folder", lambda: tmp_path)
-    monkeypatch.setattr("esea_host.assess.build.build", lambda n, say: built.append(n) or made_up())
-    one, two = (cached(8, told.append).digest for _ in range(2))
-    assert (one, built) == (two, [8])
-    (line,) = told
-    (kept,) = tmp_path.iterdir()
-    assert "no data base yet" in line
-    assert str(kept) in line
+def test_an_interrupted_build_goes_on_where_it_was(monkeypatch, tmp_path):
+    path, rate = sweep()
+    simulated, told = [], []
+
+    def swept(people, seeds):
+        if len(simulated) == 2 and not told.count("again"):
+            raise KeyboardInterrupt
+        simulated.append(seeds)
+        t, still = np.arange(len(path)) * STEP_S, np.zeros(len(path), dtype=bool)
+        return [Passage(t, path, rate, p.spastic + 0 * t, still, 1.0) for p in people]
+
+    for name, value in (
+        ("cache_folder", lambda: tmp_path),
+        ("CHUNK", 4),
+        ("swept", swept),
+        ("movement_noise", lambda data, tell: {"own_Nm": 1.0}),
+        ("_none_chunk", lambda data, people, first: [0.01] * len(people[first : first + 4])),
+    ):
+        monkeypatch.setattr(build_module, name, value)
+    with pytest.raises(KeyboardInterrupt):
+        build_module.build(1, told.append)
+    assert told == ["simulated patients 4 of 11", "simulated patients 8 of 11"]
+    told.append("again")
+    data = build_module.build(1, told.append)
+    assert [[s[2] for s in seeds] for seeds in simulated] == [
+        [0, 1, 2, 3],
+        [4, 5, 6, 7],
+        [8, 9, 10],
+    ]
+    assert told[-1] == "none of these: calibration patients 240 of 240"
+    data.save(tmp_path / "base.npz")
+    read = ResponseDataBase.load(tmp_path / "base.npz")
+    assert read.digest == data.digest
+    assert np.array_equal(read.responses, data.responses, equal_nan=True)
+
+
+@pytest.mark.ci
+def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
+    """Of each category the first and the last, simulated again; the file keeps seven digits."""
+    require_tool("gcc")
+    data, n = shipped(), PER_CATEGORY
+    assert data.categories == (*CATEGORIES, RELAXED)
+    assert (data.provenance["per_category"], data.provenance["seed"]) == (n, PEOPLE)
+    people = draw_many(PEOPLE, n, data.categories)
+    at = [i for k in range(len(data.categories)) for i in (k * n, k * n + n - 1)]
+    passages = swept([people[i] for i in at], [[PEOPLE, 7, i] for i in at])
+    names = [people[i].category for i in at]
+    again = ResponseDataBase.of(
+        answered(zip(names, passages, strict=True), KNEE_GRID), KNEE_GRID, {}
+    )
+    close = {"atol": 1e-5, "equal_nan": True}
+    assert np.allclose(again.responses, data.responses[at], **close)
+    assert np.array_equal(again.passes, data.passes[at])
+    assert np.allclose(again.error_Nm2, data.error_Nm2, **close)
+
+
+@pytest.mark.slow
+def test_the_shipped_data_base_is_built_again(monkeypatch, tmp_path):
+    require_tool("gcc")
+    monkeypatch.setattr(build_module, "cache_folder", lambda: tmp_path)
+    again, data = build_module.build(), shipped()
+    assert again.calibration == data.calibration
+    assert np.allclose(again.responses, data.responses, atol=1e-5, equal_nan=True)
 
 
 @pytest.mark.ci

@@ -156,9 +156,9 @@ def test_a_recording_and_the_page(opened, tmp_path):
 def driven(data):
     require_tool("gcc")
     if os.environ.get("ESEA_PICTURES"):  # for the manual: what people will see
-        from esea_host.assess.build import cached
+        from esea_host.assess.database import shipped
 
-        data = cached()
+        data = shipped()
     session, patient = Assessment(data), patient_named("D2")
     return ClinicDesk(session, Comfort(10 * DEG, 115 * DEG), patient=patient, seed=3)
 

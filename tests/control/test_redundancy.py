@@ -14,7 +14,6 @@ from esea_gen.errors import UserError
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.observe.disturbance import gear_observer
 from tests.conftest import without
-from tests.observe.test_observers import commands, drive_motion, torque
 
 FULL, RATIO, H = 2**17, 74, 1e-3
 RAD = 2 * math.pi / (FULL * RATIO)  # of the joint, a count of the shaft
@@ -106,101 +105,7 @@ def test_encoders_whose_turns_cannot_be_counted_are_refused():
 # -- what the motion leaves unexplained ------------------------------------------------------------
 
 
-def test_the_unexplained_torque_is_followed_by_a_lag_of_its_rate(drive):
-    t, x = drive_motion(0.45, 0.8)
-    y, _ = (
-        gear_observer(drive)
-        .simulator()
-        .run({"u_Nm": commands(t), "omega_gear_rad_s": x[:, 0], "tau_Nm": torque(t)})
-    )
-    assert y["d_gear_rad_s2"] == pytest.approx(0.45 * (1 - np.exp(-20.0 * t)), abs=6e-3)
-    # A torque shown by 1 Nm too small: 1 / 0.663 rad/s^2 less than what is there.
-    y, _ = (
-        gear_observer(drive)
-        .simulator()
-        .run({"u_Nm": commands(t), "omega_gear_rad_s": x[:, 0], "tau_Nm": torque(t) - 1.0})
-    )
-    assert y["d_gear_rad_s2"][-1] == pytest.approx(0.45 - 1 / 0.663, abs=6e-3)
-
-
 # -- the comparison --------------------------------------------------------------------------------
-
-
-def compared(drive, **given):
-    usual = {
-        "theta_motor_rad": 1.0,
-        "motor_usable": 1.0,
-        "theta_gear_rad": 0.0,
-        "gear_usable": 1.0,
-        "d_gear_rad_s2": 0.0,
-        "tau_Nm": 0.0,
-        "moves_rad_s2": 0.0,
-    }
-    steps = max(np.size(v) for v in given.values())
-    inputs = {k: np.broadcast_to(given.get(k, v), steps).astype(float) for k, v in usual.items()}
-    y, _ = redundancy(drive).simulator().run(inputs)
-    return y
-
-
-@pytest.mark.parametrize("tau", [0.0, 2.0, -6.0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_angles_may_be_as_far_apart_as_backlash_and_a_soft_cable_explain(drive, tau, sign):
-    # At rest the cable of 150 Nm/rad is wound up by tau/150; 80 Nm/rad is the softest.
-    room = 0.06 + abs(tau) * (1 / 80 - 1 / 150)
-    taus = np.array([0.0, tau, tau, tau])
-    apart = tau / 150 + sign * np.array([0.0, 0.0, room - 1e-5, room + 1e-5])
-    y = compared(
-        drive, tau_Nm=taus, theta_gear_rad=np.where(taus == 0, 0.0, apart) if tau else apart
-    )
-    assert y["agree"].tolist() == [1.0, 1.0, 1.0, 0.0]
-    assert (y["status"].astype(int) & 8 > 0).tolist() == [False, False, False, True]
-    assert y["apart_rad"][3] == pytest.approx(sign * (room + 1e-5), abs=1e-6)
-
-
-@pytest.mark.parametrize("tau", [0.0, 2.0, -6.0])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_torques_may_be_as_far_apart_as_friction_and_the_rubbers_model_explain(drive, tau, sign):
-    room = 2.2 + 0.25 * abs(tau)
-    d = sign * (room + np.array([-1e-4, 1e-4, -1e-4])) / 0.663
-    # The cable's torque alone would part the angles: the gear winds it up.
-    y = compared(drive, d_gear_rad_s2=d, tau_Nm=tau, theta_gear_rad=tau / 150)
-    assert y["agree"].tolist() == [1.0, 0.0, 1.0]  # they may agree again
-    assert (y["status"].astype(int) & 16 > 0).tolist() == [False, True, False]
-    assert y["apart_Nm"][1] == pytest.approx(sign * room, abs=2e-4)
-
-
-def test_the_zero_is_set_once_and_angles_stay_parted(drive):
-    theta = np.array([0.3, 0.3, 0.35, 0.37, 0.37, 0.3])
-    y = compared(drive, theta_gear_rad=theta)
-    assert y["apart_rad"] == pytest.approx([0.0, 0.0, 0.05, 0.07, 0.07, 0.0])
-    assert y["agree"].tolist() == [1.0, 1.0, 1.0, 0.0, 0.0, 1.0]
-
-
-@pytest.mark.parametrize("who", ["motor_usable", "gear_usable"])
-def test_without_an_encoder_nothing_is_vouched_for_and_the_zero_is_set_again(drive, who):
-    y = compared(
-        drive,
-        theta_gear_rad=np.array([0.0, 0.2, 0.2, 0.2, 0.2]),
-        **{who: np.array([1.0, 1.0, 0.0, 1.0, 1.0])},
-    )
-    assert y["agree"].tolist() == [1.0, 0.0, 0.0, 1.0, 1.0]
-    assert (y["status"].astype(int) & 4 > 0).tolist() == [False, False, True, False, False]
-    y = compared(drive, tau_Nm=np.array([0.0, np.nan, 0.0]))
-    assert y["agree"].tolist() == [1.0, 0.0, 1.0]
-
-
-def test_a_corrupt_memory_vouches_for_nothing(drive):
-    """Angles 0.3 rad apart: a zero that is lost may not be taken anew over a fault unseen."""
-    board = redundancy(drive).simulator()
-    sound = {p.name: 0.0 for p in redundancy(drive).inputs} | {"motor_usable": 1, "gear_usable": 1}
-    board.step(**sound)
-    assert board.step(**sound)["agree"] == 1
-    apart = sound | {"theta_gear_rad": 0.3}
-    assert board.step(**apart)["agree"] == 0
-    board.state = {"zero_rad": np.nan}
-    y = board.step(**apart)
-    assert y["agree"] == 0
-    assert int(y["status"]) & 0b110 == 0b110
 
 
 # -- the device file -------------------------------------------------------------------------------

@@ -31,6 +31,7 @@ from esea_host.interaction.words import lines
 from esea_host.people.person import Limb, PersonModel, person
 from esea_host.statistics import standardised_difference
 from esea_host.study.folder import StudyFolder
+from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Scene
@@ -406,7 +407,9 @@ def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
         folder = tmp_path / name
         with parallel_config(backend="threading"):
             run_crossover(folder, 2, seed, jobs, protocol=short(seed, 2.0), last_s=1.0)
-        found.append(b"".join(p.read_bytes() for p in sorted(folder.glob("*/*/*.*"))))
+        logs = sorted(folder.glob("*/*/events.jsonl"))
+        told = [[(e.time_s, e.kind, e.data) for e in read_log(p).entries] for p in logs]
+        found.append((told, [p.read_bytes() for p in sorted(folder.glob("*/*/*.csv"))]))
     assert found[0] == found[1]
     assert found[0] != found[2]
 

@@ -116,18 +116,6 @@ def test_published_behaviour(elbow_f64):
     assert loop_mJ == pytest.approx(87.6, abs=0.1)
 
 
-def test_observer_follows_a_parabola_without_error():
-    device = esea_gen.load_device("elbow")
-    t = np.arange(0, 2, 1e-3)
-    acceleration, speed = 0.05, -0.05
-    out, _ = device.velocity.simulator().run({"theta_rad": speed * t + 0.5 * acceleration * t**2})
-    settled = t > 1
-    assert out["omega_rad_s"][settled] == pytest.approx(speed + acceleration * t[settled], abs=1e-9)
-    assert out["omega_mid_rad_s"][settled] == pytest.approx(
-        speed + acceleration * (t[settled] - 5e-4), abs=1e-9
-    )
-
-
 def test_observer_poles_are_the_stated_triple_pole():
     # Step response against the closed form of three equal poles p = exp(-2 pi f h): the error of
     # the position estimate is (a + b k + c k^2) p^k, so its third weighted difference vanishes.

@@ -13,12 +13,11 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
-from esea_gen.language.stream import SPECIAL, Stream, single
+from esea_gen.language.stream import single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.model.published_inverse import filter_taps, published_inverse
+from esea_gen.model.published_inverse import published_inverse
 from esea_gen.studies.uncertainty.motions import SIGNALS
-from esea_gen.verify.runs import run_c
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P
 
@@ -168,49 +167,6 @@ def test_requests_out_of_reach_are_clamped(pairs, real):
     assert np.all(np.sign(y["residual_Nm"][far]) == np.sign(request[far]))
 
 
-@pytest.mark.parametrize("real", ["f64", "f32"])
-@pytest.mark.parametrize("bad", [*SPECIAL, 1e4])
-def test_invalid_requests_hold_the_set_point(pairs, real, bad):
-    pair = pairs[real]
-    request = np.full(40, 2.0)
-    request[0] = bad  # before anything valid: no set-point yet
-    request[20:25] = bad
-    y, _, state, _ = pair.run(request)
-    invalid = (y["status"] & pair.bits["INPUT_INVALID"]) != 0
-    assert np.array_equal(np.flatnonzero(invalid), [0, 20, 21, 22, 23, 24])
-    assert y["theta_rad"][0] == 0.0
-    assert state["primed"][0] == 0.0
-    assert np.all(y["theta_rad"][20:25] == y["theta_rad"][19])
-    assert np.max(np.abs(y["residual_Nm"][25:])) < LIMIT_NM[real]
-    assert pair.inverse.state["n_input_invalid"][0] == 6
-
-
-@pytest.mark.parametrize("real", ["f64", "f32"])
-def test_corrupt_states_start_afresh(pairs, real):
-    pair = pairs[real]
-    inside = {"play_rad": np.linspace(0.3, -0.3, 10)}  # in range, but no history leads there
-    # Nested but for one pair: the deflection and the first stop, or a stop and the next one.
-    apart = [
-        {"theta_prev_rad": np.zeros(1), "play_rad": np.where(np.arange(10) < i, 0.0, 0.0667)}
-        for i in range(10)
-    ]
-    cases = [inside, *apart] + [
-        {p.name: np.full(p.size, v)} for p in pair.block.state for v in (np.nan, np.inf, 1e30)
-    ]
-    for case in cases:
-        stream = Stream("corrupt", {"tau_Nm": np.full(30, 1.5)}, {10: case})
-        y, s = run_c(_fresh(pair), stream)
-        repaired = (y["status"] & pair.bits["STATE_REPAIRED"]) != 0
-        assert np.array_equal(np.flatnonzero(repaired), [10]), case
-        assert np.max(np.abs(y["residual_Nm"])) < LIMIT_NM[real]
-        assert all(np.all(np.isfinite(a)) for a in (*y.values(), *s.values()))
-
-
-def _fresh(pair: Pair) -> CRunner:
-    pair.inverse.reset()
-    return pair.inverse
-
-
 def torque(theta: float, s: dict, omega: float, h: float) -> float:
     """The model written out again: torque of a candidate deflection, from a given memory."""
     r = P["omega"] * np.arange(1, 11)
@@ -311,35 +267,6 @@ def test_cubic_root():
     assert float(ca.Function("f", [x], [cubic_root(239.0, 9.39, x)])(4.5)) == pytest.approx(
         0.2175, abs=5e-5
     )
-
-
-def published_by_hand(elbow: Device, request: np.ndarray, taps) -> np.ndarray:
-    """Plays and observer as loops, forward model by the sensor's simulator."""
-    r = 0.00233 * np.arange(1, 11)
-    weight = 0.106 * np.exp(-4.84 * r)
-    play, line, sensor = np.zeros(10), np.zeros(len(taps)), elbow.sensor.simulator()
-    theta_last, out = None, []
-    for wanted in request:
-        u = wanted - np.dot(taps, line)
-        envelope = brentq(lambda x, u=u: 239.0 * x**3 + 9.39 * x - u, -1, 1, xtol=1e-15)
-        play = np.maximum(envelope - r, np.minimum(envelope + r, play))
-        theta = float(weight @ play)
-        rate = 0.0 if theta_last is None else (theta - theta_last) * 1000
-        torque = sensor.step(theta_rad=theta, omega_rad_s=float(np.clip(rate, -25, 25)))["tau_Nm"]
-        if len(taps):
-            line = np.concatenate([[torque - u], line[:-1]])
-        theta_last = theta
-        out.append(theta)
-    return np.array(out)
-
-
-@pytest.mark.parametrize("name", [None, "a", "b_normalised"])
-def test_published_inverse_against_loops(elbow, name):
-    request = 2.0 * np.sin(2 * np.pi * 1.3 * np.arange(700) * 1e-3)
-    block = published_inverse(elbow, name)
-    got, _ = block.simulator().run({"tau_Nm": request})
-    expected = published_by_hand(elbow, request, filter_taps(name) if name else ())
-    assert got["theta_rad"] == pytest.approx(expected, abs=1e-9)
 
 
 def test_one_system_runs_several(elbow):

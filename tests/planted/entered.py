@@ -28,7 +28,7 @@ class _Log:
     def __init__(self) -> None:
         self.now: set[CodeType] = set()
         self.tests: dict[str, set[CodeType]] = defaultdict(set)
-        self.fixtures: dict[int, set[CodeType]] = defaultdict(set)
+        self.fixtures: dict[tuple[str, str], set[CodeType]] = defaultdict(set)
         self.times_s: dict[str, float] = defaultdict(float)
 
     def called(self, frame: FrameType, event: str, _: Any) -> None:
@@ -41,7 +41,7 @@ _log = _Log()
 @pytest.hookimpl(wrapper=True)
 def pytest_fixture_setup(fixturedef: Any) -> Iterator[None]:
     """What one fixture enters, without the fixtures that it asks for."""
-    outer, _log.now = _log.now, _log.fixtures[id(fixturedef)]
+    outer, _log.now = _log.now, _log.fixtures[fixturedef.baseid, fixturedef.argname]
     try:
         return (yield)
     finally:
@@ -58,9 +58,9 @@ def pytest_runtest_protocol(item: Any) -> Iterator[None]:
         return (yield)
     finally:
         sys.settrace(None)
-        for definitions in item._fixtureinfo.name2fixturedefs.values():
-            for definition in definitions:
-                _log.tests[item.nodeid] |= _log.fixtures[id(definition)]
+        for (base, name), codes in _log.fixtures.items():
+            if name in item.fixturenames and item.nodeid.startswith(base):
+                _log.tests[item.nodeid] |= codes
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -10,6 +10,7 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import wait
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -219,6 +220,7 @@ class Day:
         operator.adverse.text.setFocus()  # only a text field takes a space
         self.qtbot.keyClicks(operator.adverse.text, "Krampf im Unterarm")
         operator.adverse.record()
+        wait([operator.adverse.writing], 30)
         self.key(operator, "P")
 
     def again(self, operator) -> None:

@@ -406,6 +406,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "11 rows" in told
     assert "1 participants" in call("export", folder, "--check")
     assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
+    assert "no more sessions" in call("withdraw", folder, "P01")
     assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
 
 

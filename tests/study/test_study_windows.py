@@ -6,12 +6,14 @@ import errno
 import math
 import os
 import time
+from concurrent.futures import wait
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
+from esea_gen.files import locked
 from esea_host.cli import app
 from esea_host.study.conductor import HELD, PAUSED, Conductor
 from esea_host.study.folder import StudyFolder
@@ -226,6 +228,8 @@ def reported(operator, severity="mild", relation="possible", action="trial-stopp
         box.setCurrentIndex(box.findData(key))
     operator.adverse.text.setText(text)
     operator.adverse.record()
+    wait([operator.adverse.writing], 30)
+    operator.adverse.look()
     return chosen | {"text": text}
 
 
@@ -265,6 +269,27 @@ def test_an_adverse_event_stops_the_trial_first_and_is_on_record(begin, windows,
     assert study.problems() == []
 
 
+def test_the_stop_does_not_wait_for_the_record(begin, windows):
+    """Another program holds the study's record meanwhile."""
+    conductor = begin(of_tasks(TRACKING), at=[(2, 0.5)])
+    _, operator = windows(conductor)
+    conductor.arrive()
+    operator.adverse.open()
+    with locked(conductor.study.path / "audit.lock", "an export"):
+        for box in operator.adverse.choices.values():
+            box.setCurrentIndex(1)
+        operator.adverse.text.setText("cramp")
+        operator.adverse.record()
+        operator.stop()
+        conductor.go.set()
+        until(lambda: conductor.states[2] == "aborted")
+        operator.adverse.look()
+        assert operator.adverse.writing is not None
+        assert operator.adverse.text.text() == "cramp"
+    wait([operator.adverse.writing], 30)
+    assert [d["text"] for k, d in conductor.study.audited() if k == "adverse"] == ["cramp"]
+
+
 def test_an_adverse_event_that_cannot_be_written_stays_in_its_fields(begin, windows, monkeypatch):
     conductor = begin(of_tasks(TRACKING), at=[(1, 0.5)])
     _, operator = windows(conductor, language="de")
@@ -281,6 +306,7 @@ def test_an_adverse_event_that_cannot_be_written_stays_in_its_fields(begin, wind
     assert operator.adverse.text.text() == "Krampf"
     monkeypatch.undo()
     operator.adverse.record()
+    wait([operator.adverse.writing], 30)
     assert [d["text"] for k, d in conductor.study.audited() if k == "adverse"] == ["Krampf"]
     ended(conductor)
 
@@ -323,6 +349,9 @@ def test_the_group_is_not_shown_where_the_protocol_says_so(begin, windows):
     ]
     labels = [w.text() for w in (operator.who, operator.state, operator.now, operator.coming)]
     assert "hidden" in cells
+    # Its size is the condition's: the participant sees it, and the operator does not.
+    assert conductor.screen().scene.shapes
+    assert operator.scene.scene.shapes == ()
     for word in ("near", "narrow", "group A", "group B"):
         assert not any(word in text for text in (*cells, *labels))
 

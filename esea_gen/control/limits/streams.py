@@ -9,7 +9,7 @@ import numpy as np
 from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
-from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
+from esea_gen.language.stream import OwnStreams, Stream, coefficient_edges, single
 
 
 class _Joint:
@@ -289,13 +289,7 @@ def _contradictions(block: Block, rng: np.random.Generator) -> Stream:
 def _bad_coefficients(
     block: Block, dtype: np.dtype[Any], _rng: np.random.Generator
 ) -> list[Stream]:
-    # Each coefficient just inside and just outside its compiled range, and no number at all.
-    cases: list[dict[str, float]] = [{}]
-    for p in block.coefficients:
-        low, high = dtype.type(p.low), dtype.type(p.high)
-        below, above = (np.nextafter(x, dtype.type(s * np.inf)) for x, s in ((low, -1), (high, 1)))
-        for v in (low, high, below, above, *SPECIAL):
-            cases.append({p.name: float(v)})
+    cases = coefficient_edges(block, dtype)
     # A range of motion turned round, each end inside its own range; and one that is as narrow as
     # none was meant to be, at either end, but in order.
     t = {p.name: p for p in block.coefficients}

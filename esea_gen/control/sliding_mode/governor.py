@@ -51,7 +51,7 @@ def torque_lead(device: DeviceData) -> Block:
     """The set torque a little ahead, for the inverse; in torque mode alone."""
     drive = drive_of(device)
     h, tau_lim, full = device.period_s, drive.tau_Nm, threshold(device.tau_full_scale_Nm)
-    inputs, outputs = _lead_ports(device)
+    rate_lim, curve_lim = motion_limits(device)
     keep = math.exp(-h / FADE_S)
     by_rate, by_curve = faded(LEAD_S)
     acts = "1 looks ahead and smooths; 0 takes the set torque as it comes"
@@ -83,30 +83,22 @@ def torque_lead(device: DeviceData) -> Block:
             Port("slow", 0.0, 1.0, "share that is governed when nothing steps"),
             around("tau_set_Nm", tau_lim, "set torque of the last step"),
         ),
-        inputs=inputs,
-        outputs=outputs,
+        inputs=(
+            around("tau_set_Nm", tau_lim, "set torque", on_invalid="tau_set_Nm"),
+            around("tau_rate_Nm_s", rate_lim, "its rate"),
+            around("tau_curve_Nm_s2", curve_lim, "its acceleration"),
+            Port("trust", 0.0, 1.0, "share of both that is believed"),
+            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
+            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+        ),
+        outputs=(
+            around("tau_led_Nm", full, "set torque ahead, for the inverse"),
+            Port("governed", 0.0, 1.0, "share that is governed, for the smoothing"),
+            _status("not led"),
+        ),
         equations=equations(LEAD_EQUATION),
         step=step,
     )
-
-
-def _lead_ports(device: DeviceData) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
-    tau_lim, full = drive_of(device).tau_Nm, threshold(device.tau_full_scale_Nm)
-    rate_lim, curve_lim = motion_limits(device)
-    inputs = (
-        around("tau_set_Nm", tau_lim, "set torque", on_invalid="tau_set_Nm"),
-        around("tau_rate_Nm_s", rate_lim, "its rate"),
-        around("tau_curve_Nm_s2", curve_lim, "its acceleration"),
-        Port("trust", 0.0, 1.0, "share of both that is believed"),
-        Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-        Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-    )
-    outputs = (
-        around("tau_led_Nm", full, "set torque ahead, for the inverse"),
-        Port("governed", 0.0, 1.0, "share that is governed, for the smoothing"),
-        _status("not led"),
-    )
-    return inputs, outputs
 
 
 def smoothed_setpoint(device: DeviceData) -> Block:

@@ -1,23 +1,28 @@
-"""The data base from simulated patients, calibrated on other simulated patients."""
+"""The data base from simulated patients, calibrated on other simulated patients.
+
+The knee's stands beside this file, as ``esea-host assess build host/esea_host/assess/knee.npz``
+made it: that takes minutes.  Tests simulate some of its people again.
+"""
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib import Memory
 
+import esea_gen.cache
 from esea_gen.cache import cache_folder
 from esea_host.assess import NOTICE
-from esea_host.assess.database import KNEE_GRID, ResponseDataBase
+from esea_host.assess.database import KNEE_GRID, Answers, ResponseDataBase, answered
 from esea_host.assess.hypotheses import normalised, summarised
 from esea_host.assess.patients import CATEGORIES, RELAXED, Array, KneePatient, draw_category
 from esea_host.assess.probing import next_movement, plans
-from esea_host.assess.responses import Passage
 from esea_host.assess.session import UNCALIBRATED, Assessment, assessed_hypotheses, take
 from esea_host.assess.simulated import probed, swept
 
@@ -33,9 +38,7 @@ FITTED = {
     "noise_Nm": (0.25, 0.5, 1.0, 1.4, 2.0),
 }
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
-CHUNK = 220
-SIMULATION = ("patients", "responses", "database", "simulated")
-FITTING = ("build", "hypotheses", "probing", "session")
+CHUNK = 110  # people simulated together; an interrupted build goes on after the last ones
 Say = Callable[[str], None]
 
 
@@ -50,27 +53,39 @@ def draw_many(root: int, per_category: int, names: Sequence[str] = CATEGORIES) -
     ]
 
 
-def simulated_people(root: int, per_category: int, say: Say) -> list[tuple[str, Passage]]:
-    """Swept patients of every category, and of none."""
+def simulated_people(root: int, per_category: int, say: Say) -> list[Answers]:
+    """Answers of swept patients of every category, and of none."""
     people = draw_many(root, per_category, (*CATEGORIES, RELAXED))
-    out: list[tuple[str, Passage]] = []
+    out: list[Answers] = []
     for first in range(0, len(people), CHUNK):
-        part = people[first : first + CHUNK]
-        say(f"simulated patients {first + len(part)} of {len(people)}")
-        seeds = [[root, 7, first + i] for i in range(len(part))]
-        out += zip([p.category for p in part], swept(part, seeds), strict=True)
+        out += _kept(partial(_swept_chunk, people, root, first), root, per_category, first)
+        say(f"simulated patients {len(out)} of {len(people)}")
     return out
 
 
-def _people(per_category: int, provenance: dict[str, Any], tell: Say) -> ResponseDataBase:
-    # Simulating them takes longest: kept apart from what is fitted afterwards.
-    path = cache_folder() / f"assess-people-{per_category}-{code_digest(SIMULATION)}.npz"
-    if path.exists():
-        return dataclasses.replace(ResponseDataBase.load(path), provenance=provenance)
-    people = simulated_people(PEOPLE, per_category, tell)
-    data = ResponseDataBase.of(people, KNEE_GRID, provenance, RELAXED)
-    data.save(path)
-    return data
+def _swept_chunk(people: Sequence[KneePatient], root: int, first: int) -> list[Answers]:
+    part = people[first : first + CHUNK]
+    passages = swept(part, [[root, 7, first + i] for i in range(len(part))])
+    return list(answered(zip([p.category for p in part], passages, strict=True), KNEE_GRID))
+
+
+def _kept(call: Callable[[], Any], *key: Any) -> Any:
+    """The result of a part of the build, kept so that an interrupted one goes on after it."""
+    memory = Memory(cache_folder() / "assess-build", verbose=0)
+    return memory.cache(_called, ignore=["call"])(call, _code(), CHUNK, key)
+
+
+def _called(call: Callable[[], Any], code: str, chunk: int, key: Any) -> Any:
+    return call()
+
+
+@cache
+def _code() -> str:
+    # Of all that could decide the numbers: parts that other code made are not taken.
+    digest = hashlib.sha256(str(esea_gen.cache.code_digest()).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
@@ -83,12 +98,13 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
         "sensor": "twin of the device knee: cuff, dead zone, encoders, emitted C",
         "per_category": per_category,
         "seed": PEOPLE,
-        "code": code_digest(SIMULATION + FITTING),
     }
-    data = _people(per_category, provenance, tell)
-    data = dataclasses.replace(data, calibration=movement_noise(data, tell))
+    people = simulated_people(PEOPLE, per_category, tell)
+    data = ResponseDataBase.of(people, KNEE_GRID, provenance, RELAXED)
+    noise = _kept(partial(movement_noise, data, tell), "noise", data.digest)
+    data = dataclasses.replace(data, calibration=noise)
     none = none_calibration(data, tell)
-    return dataclasses.replace(data, calibration={**(data.calibration or {}), **none})
+    return dataclasses.replace(data, calibration={**noise, **none})
 
 
 def movement_noise(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, float]:
@@ -135,15 +151,22 @@ def none_calibration(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, 
     Nobody of no category is used: what such people are like is not known beforehand.
     """
     people = draw_many(NONE_CALIBRATION, 2 * CALIBRATION_PER_CATEGORY, data.diagnoses)
-    hypotheses = assessed_hypotheses(data)
-    sessions = [Assessment(data, hypotheses=hypotheses) for _ in people]
+    found: list[float] = []
+    for first in range(0, len(people), CHUNK):
+        found += _kept(partial(_none_chunk, data, people, first), "none", data.digest, first)
+        tell(f"none of these: calibration patients {len(found)} of {len(people)}")
+    return none_offset(np.array(found))
+
+
+def _none_chunk(data: ResponseDataBase, people: Sequence[KneePatient], first: int) -> list[float]:
+    part, hypotheses = people[first : first + CHUNK], assessed_hypotheses(data)
+    sessions = [Assessment(data, hypotheses=hypotheses) for _ in part]
     for k in range(CALIBRATION_MOVEMENTS):
-        tell(f"none of these: movement {k + 1} of {CALIBRATION_MOVEMENTS}")
         moves = [next_movement(s) for s in sessions]
-        seeds = [[NONE_CALIBRATION, 8, i, k] for i in range(len(people))]
-        for s, m, p in zip(sessions, moves, probed(people, moves, seeds), strict=True):
+        seeds = [[NONE_CALIBRATION, 8, first + i, k] for i in range(len(part))]
+        for s, m, p in zip(sessions, moves, probed(part, moves, seeds), strict=True):
             take(s, p, m.location)
-    return none_offset(np.array([s.probabilities[-1] for s in sessions]))
+    return [float(s.probabilities[-1]) for s in sessions]
 
 
 def none_offset(none: Array) -> dict[str, float]:
@@ -159,24 +182,3 @@ def none_offset(none: Array) -> dict[str, float]:
     offset = float(min(0.0, -ranked[allowed] - 1e-6))
     called = int(np.sum(odds + offset > 0))
     return {"none_log_odds": offset, "none_patients": len(odds), "none_called": called}
-
-
-def code_digest(files: Sequence[str]) -> str:
-    """Digest of what something is made with: files of this room."""
-    digest = hashlib.sha256()
-    for name in files:
-        text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-        digest.update(ast.dump(ast.parse(text)).encode())  # comments and layout do not count
-    return digest.hexdigest()[:16]
-
-
-def cached(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
-    """The data base, built once and kept."""
-    path = cache_folder() / f"assess-knee-{per_category}-{code_digest(SIMULATION + FITTING)}.npz"
-    if path.exists():
-        return ResponseDataBase.load(path)
-    if say:
-        say(f"There is no data base yet: it is simulated and fitted once, and kept as {path}.")
-    data = build(per_category, say)
-    data.save(path)
-    return data

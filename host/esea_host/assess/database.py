@@ -9,7 +9,7 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -130,6 +130,20 @@ def responses_at(p: Passage, grid: LocationGrid) -> CellResponses:
     return CellResponses(values, begins.sum(axis=1).astype(np.float64), weights, t)
 
 
+# Category, responses, passes, and of the first of a category the covariance of the errors.
+Answers = tuple[str, Array, Array, Array | None]
+
+
+def answered(people: Iterable[tuple[str, Passage]], grid: LocationGrid) -> Iterator[Answers]:
+    """What people of known categories answered at the grid's locations."""
+    known = set()
+    for name, p in people:
+        found = responses_at(p, grid)
+        error = None if name in known else found.error_Nm2(p.error_Nm)
+        known.add(name)
+        yield name, found.values, found.passes, error
+
+
 @dataclass(frozen=True)
 class ResponseDataBase:
     """Responses of many people of known categories.
@@ -153,34 +167,34 @@ class ResponseDataBase:
     calibration: Mapping[str, float] | None = None
     error_Nm2: Array | None = None
 
+    def __post_init__(self) -> None:
+        # As files hold them, in seven digits: small, and the same where machines' last ones differ.
+        for name in ("responses", "error_Nm2"):
+            if (found := getattr(self, name)) is not None:
+                seven = np.asarray(found, dtype=np.float32).astype(np.float64)
+                object.__setattr__(self, name, seven)
+
     @classmethod
     def of(
         cls,
-        people: Iterable[tuple[str, Passage]],
+        people: Iterable[Answers],
         grid: LocationGrid,
         provenance: Mapping[str, Any],
         reference: str | None = None,
     ) -> ResponseDataBase:
-        """Built from passages, of recordings or of the simulated knee."""
-        names: dict[str, int] = {}
-        category, rows, counts, errors = [], [], [], []
-        for name, p in people:
-            # Paths are much the same: the first of each category stands for its errors.
-            new = name not in names
-            category.append(names.setdefault(name, len(names)))
-            found = responses_at(p, grid)
-            rows.append(found.values)
-            counts.append(found.passes)
-            if new:
-                errors.append(found.error_Nm2(p.error_Nm))
-        if len(names) < 2:
+        """Built from what people answered, in recordings or as simulated knees."""
+        names, rows, counts, of_first = zip(*people, strict=True)
+        categories = tuple(dict.fromkeys(names))
+        if len(categories) < 2:
             raise UserError(
-                f"data base: {len(names)} categories.", "Give recordings of at least 2."
+                f"data base: {len(categories)} categories.", "Give recordings of at least 2."
             )
+        # Paths are much the same: the first of each category stands for its errors.
+        errors = [of_first[names.index(c)] for c in categories]
         return cls(
             grid,
-            tuple(names),
-            np.array(category),
+            categories,
+            np.array([categories.index(n) for n in names]),
             np.array(rows),
             np.array(counts),
             dict(provenance),
@@ -242,9 +256,9 @@ class ResponseDataBase:
             "angle_rad": self.grid.angle_rad,
             "rate_rad_s": self.grid.rate_rad_s,
             "category": self.category,
-            "responses_Nm": self.responses,
+            "responses_Nm": np.asarray(self.responses, np.float32),
             "passes": self.passes,
-            "error_Nm2": np.zeros(0) if self.error_Nm2 is None else self.error_Nm2,
+            "error_Nm2": np.asarray([] if self.error_Nm2 is None else self.error_Nm2, np.float32),
         }
         return head, arrays
 
@@ -253,14 +267,12 @@ class ResponseDataBase:
         head, arrays = self._content()
         head["digest"] = self.digest
         arrays["head"] = np.frombuffer(json.dumps(head, sort_keys=True).encode(), np.uint8)
-        with (
-            written_whole(path) as scratch,
-            zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as file,
-        ):
+        with written_whole(path) as scratch, zipfile.ZipFile(scratch, "w") as file:
             for name, array in arrays.items():
                 buffer = io.BytesIO()
                 np.save(buffer, array, allow_pickle=False)
-                file.writestr(zipfile.ZipInfo(f"{name}.npy"), buffer.getvalue())
+                entry = zipfile.ZipInfo(f"{name}.npy")  # without a time
+                file.writestr(entry, buffer.getvalue(), zipfile.ZIP_DEFLATED)
         return self.digest
 
     @classmethod
@@ -298,6 +310,11 @@ class ResponseDataBase:
             head["calibration"],
             arrays["error_Nm2"] if arrays["error_Nm2"].size else None,
         )
+
+
+def shipped() -> ResponseDataBase:
+    """The simulated knee's data base, which comes with the tool (see ``build``)."""
+    return ResponseDataBase.load(Path(__file__).with_name("knee.npz"))
 
 
 def _per_cell(function: Any, rows: Array) -> Array:

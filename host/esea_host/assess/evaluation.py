@@ -76,12 +76,7 @@ def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
     wanted = [(angle, way * rate) for angle in angles for way in ways for rate in (10, 90)]
     wanted += [(angle, way * 50) for angle in angles for way in ways]
     centres = data.grid.centres[cells]
-    scale = np.array(
-        [
-            data.grid.angle_rad[1] - data.grid.angle_rad[0],
-            data.grid.rate_rad_s[1] - data.grid.rate_rad_s[0],
-        ]
-    )
+    scale = [np.diff(x[:2])[0] for x in (data.grid.angle_rad, data.grid.rate_rad_s)]
     found = []
     for a, r in wanted:
         off = (centres - np.radians([a, r])) / scale

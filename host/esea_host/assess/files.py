@@ -11,7 +11,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.tables import FileTable, read_table
-from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase
+from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase, answered
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
 from esea_host.recording.export import column_of, longest_run, reported
@@ -147,7 +147,8 @@ def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) 
     grid = LocationGrid.spanning((low, high), (-fast, fast), shape)
     names = {name for name, _ in people}
     provenance = {"source": RECORDINGS, "people": len(people)}
-    return ResponseDataBase.of(people, grid, provenance, RELAXED if RELAXED in names else None)
+    reference = RELAXED if RELAXED in names else None
+    return ResponseDataBase.of(answered(people, grid), grid, provenance, reference)
 
 
 def _body(path: Path) -> tuple[float, float]:

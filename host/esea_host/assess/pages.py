@@ -198,7 +198,11 @@ def write_session_page(
     checked_name(path)
     page = session_page(session, who, comfort, measure)
     if path.suffix == ".html":
-        write_whole(path, _session_html(session, who, page))
+        figure = svg(page, "session", "Probabilities, history, map and steps")
+        title = "Knee: assessment of resistance to movement"
+        lines = [dated(session, who), *conclusion(session)]
+        notice = session.data.notice
+        write_whole(path, _render("session", notice, title=title, lines=lines, figure=figure))
         return
     buffer = io.BytesIO()
     page.savefig(buffer, format=path.suffix[1:], dpi=150)
@@ -325,10 +329,3 @@ def evaluation_page(result: Mapping[str, Any]) -> str:
     title = "Knee assessment, judged on simulated patients"
     context = {"title": title, "r": result, "rows": rows, "figures": figures}
     return _render("evaluation", result["notice"], **context)
-
-
-def _session_html(session: Assessment, who: str, page: Figure) -> str:
-    figure = svg(page, "session", "Probabilities, history, map and steps")
-    title = "Knee: assessment of resistance to movement"
-    lines = [dated(session, who), *conclusion(session)]
-    return _render("session", session.data.notice, title=title, lines=lines, figure=figure)

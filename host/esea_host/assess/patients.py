@@ -45,6 +45,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from esea_gen.errors import UserError
+
 Array = npt.NDArray[np.float64]
 
 GRAVITY_M_S2 = 9.81
@@ -186,13 +188,26 @@ def draw(
     )
 
 
+def severities(name: str) -> tuple[float, float]:
+    """Spastic and dystonic severity of a category (``S3``), of two (``S2+D4``), or relaxed."""
+    levels = {"S": 0.0, "D": 0.0}
+    for part in name.split("+") if name != RELAXED else ():
+        try:
+            what, level = part[:1], float(part[1:])
+        except ValueError:
+            what, level = "", 0.0
+        if levels.get(what) != 0 or not 0 < level <= 5:  # each once
+            raise UserError(
+                f"simulated patient {name!r}.",
+                f"S1 to S5, D1 to D5, two such as S2+D4, {', '.join(OUTSIDE_KINDS)}, or any.",
+            )
+        levels[what] = level
+    return levels["S"], levels["D"]
+
+
 def draw_category(category: str, rng: np.random.Generator) -> KneePatient:
     """A patient of a category: ``S1`` to ``S5``, ``D1`` to ``D5``, or relaxed."""
-    if category == RELAXED:
-        return draw(0, 0, rng, category)
-    level = float(category[1:])
-    spastic = category[0] == "S"
-    return draw(level if spastic else 0.0, 0.0 if spastic else level, rng, category)
+    return draw(*severities(category), rng, category)
 
 
 def draw_outside(kind: str, rng: np.random.Generator) -> KneePatient:
@@ -210,11 +225,7 @@ def draw_outside(kind: str, rng: np.random.Generator) -> KneePatient:
 
 
 def nominal(category: str) -> KneePatient:
-    if category == RELAXED:
-        return KneePatient(RELAXED)
-    level = float(category[1:])
-    s, d = (level, 0.0) if category[0] == "S" else (0.0, level)
-    return afflicted(KneePatient(category), s, d)
+    return afflicted(KneePatient(category), *severities(category))
 
 
 def columns(patients: Sequence[KneePatient]) -> dict[str, Array]:

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 from esea_gen.device import Device, load_device
-from esea_gen.errors import UserError
 from esea_gen.twin.passive import PassiveTwin
 from esea_host.assess.patients import (
     CATEGORIES,
@@ -25,7 +24,7 @@ from esea_host.assess.patients import (
     Array,
     KneePatient,
     Knees,
-    draw,
+    draw_category,
     draw_outside,
     nominal,
     sweep,
@@ -130,46 +129,15 @@ def probed(
     return _read(knees, motion.time_s, angle, motion.torque_Nm, seeds)
 
 
-def moved_by_hands(
-    patient: KneePatient, m: ProbingMovement, still_s: float, after_s: float, seed: Sequence[int]
-) -> tuple[Array, Array, Array]:
-    """Time, angle and true torque of one leg that is held still first and then moved."""
-    made = as_made(m, np.random.default_rng([*seed, 2]))
-    steps = round((still_s + made.duration_s + after_s) / STEP_S)
-    t = np.asarray(np.arange(steps) * STEP_S, dtype=np.float64)
-    angle, rate = made.at(t - still_s)
-    motion = Knees([patient]).move(angle[:, None], rate[:, None], [seed])
-    return motion.time_s, motion.angle_rad[:, 0], motion.torque_Nm[:, 0]
-
-
 def patient_named(name: str, body: tuple[float, float] | None = None, seed: int = 1) -> KneePatient:
     """A simulated patient: a category (S3), two (S2+D4), of no category (rigid), or drawn: any."""
     rng = np.random.default_rng([SOMEBODY, seed])
     if name == "any":
         name = str(rng.choice([*CATEGORIES, *OUTSIDE_KINDS]))
-    if name in OUTSIDE_KINDS:
-        found = draw_outside(name, rng)
-    else:
-        found = draw(*_severities(name), rng, name)
+    found = (draw_outside if name in OUTSIDE_KINDS else draw_category)(name, rng)
     if body is None:
         return found
     return dataclasses.replace(found, height_m=body[0], mass_kg=body[1])
-
-
-def _severities(name: str) -> tuple[float, float]:
-    levels = {"S": 0.0, "D": 0.0}
-    for part in name.split("+"):
-        try:
-            what, level = part[:1], float(part[1:])
-        except ValueError:
-            what, level = "", 0.0
-        if levels.get(what) != 0 or not 0 < level <= 5:  # each once
-            raise UserError(
-                f"simulated patient {name!r}.",
-                f"S1 to S5, D1 to D5, two such as S2+D4, {', '.join(OUTSIDE_KINDS)}, or any.",
-            )
-        levels[what] = level
-    return levels["S"], levels["D"]
 
 
 # -- for the tasks of the study engine: a leg that is moved beforehand, then played ---------------
@@ -209,13 +177,24 @@ def _sampled(time_s: Array, angle: Array, torque: Array, seed: list[int]) -> Arr
     return np.stack([time_s, seen, read], axis=1)[::every]
 
 
+def _led(
+    given: Any, path: Callable[[Array], tuple[Array, Array]], seconds: float, seed: list[int]
+) -> Array:
+    """Samples of a leg whose hands follow a path of angle and rate over time."""
+    t = np.asarray(np.arange(round(seconds / STEP_S)) * STEP_S, dtype=np.float64)
+    angle, rate = path(t)
+    m = Knees([_patient(given)]).move(angle[:, None], rate[:, None], [seed])
+    return _sampled(m.time_s, m.angle_rad[:, 0], m.torque_Nm[:, 0], seed)
+
+
 def probing_actor(
     given: Any, move: ProbingMovement, still_s: float, after_s: float, rng: np.random.Generator
 ) -> Actor:
     """Held still while the movement is shown, then moved by hands."""
     seed = _seed(rng)
-    t, angle, torque = moved_by_hands(_patient(given), move, HOLD_S, after_s, seed)
-    moved = _sampled(t, angle, torque, seed)
+    made = as_made(move, np.random.default_rng([*seed, 2]))
+    seconds = HOLD_S + made.duration_s + after_s
+    moved = _led(given, lambda t: made.at(t - HOLD_S), seconds, seed)
     before = np.repeat(moved[:1], round((still_s - HOLD_S) / SAMPLE_S), axis=0)
     both = np.concatenate([before, moved])
     both[:, 0] = np.arange(len(both)) * SAMPLE_S
@@ -236,8 +215,4 @@ def following_actor(
     rng: np.random.Generator,
 ) -> Actor:
     """Hands that follow a path of angle and rate over time."""
-    seed = _seed(rng)
-    t = np.asarray(np.arange(round(seconds / STEP_S)) * STEP_S, dtype=np.float64)
-    angle, rate = path(t)
-    m = Knees([_patient(given)]).move(angle[:, None], rate[:, None], [seed])
-    return PlayedLeg(_sampled(m.time_s, m.angle_rad[:, 0], m.torque_Nm[:, 0], seed))
+    return PlayedLeg(_led(given, path, seconds, _seed(rng)))

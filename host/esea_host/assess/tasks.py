@@ -19,7 +19,7 @@ from pydantic import Field
 
 from esea_gen.errors import UserError
 from esea_host.assess import Measure, Summary
-from esea_host.assess.database import ResponseDataBase
+from esea_host.assess.database import ResponseDataBase, shipped
 from esea_host.assess.hypotheses import Hypotheses
 from esea_host.assess.passive_tests import (
     MotionRange,
@@ -139,9 +139,7 @@ class ProbeParameters(KneeParameters):
 
 @lru_cache(maxsize=4)
 def _known(path: str, summary: str, mixed: bool) -> tuple[ResponseDataBase, Hypotheses]:
-    from esea_host.assess.build import cached  # what simulates takes seconds to load
-
-    data = ResponseDataBase.load(Path(path)) if path else cached()
+    data = ResponseDataBase.load(Path(path)) if path else shipped()
     return data, assessed_hypotheses(data, summary, mixed)
 
 

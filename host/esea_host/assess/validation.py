@@ -17,15 +17,14 @@ from scipy.signal import lfilter
 from esea_gen.tables import TableFormat, read_table
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import (
+    CATEGORIES,
     DEG,
-    DISORDERS,
     RANGE_RAD,
     RELAXED,
     SEVERITIES,
     Array,
     KneePatient,
     Knees,
-    afflicted,
     nominal,
     stretched,
 )
@@ -37,11 +36,12 @@ DELAYS_S = (0.015, 0.03, 0.06)  # that a reflex might have
 # Flexors are stretched from a bent elbow to a straight one, over as much of their range as a knee's
 # extensors are from a straight knee to a bent one: angles are compared as shares of the range.
 ELBOW_RAD = (35 * DEG, 180 * DEG)  # assumed
+MIDDLE = {s: nominal(f"S{s}") for s in SEVERITIES}
 
 
 def pendulum_table() -> list[dict[str, Any]]:
     """Pendulum tests of the middle patients."""
-    names = [RELAXED, *(f"{d}{s}" for d in DISORDERS for s in SEVERITIES)]
+    names = (RELAXED, *CATEGORIES)
     knees = Knees([nominal(n) for n in names])
     m = knees.release(0.0, 14.0, [[0, i] for i in range(len(names))])
     out = []
@@ -85,10 +85,9 @@ def ramp_torque(
 
 def knee_stiffness(rate_rad_s: float) -> dict[int, float]:
     """Reflex stiffness of the middle patients at a speed of stretch, Nm/rad, not saturated."""
-    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
     return {
         s: p.gain_Nms_rad2 * max(0.0, rate_rad_s - p.dynamic_threshold_rad_s)
-        for s, p in people.items()
+        for s, p in MIDDLE.items()
     }
 
 
@@ -108,14 +107,6 @@ def _fitted(angle: Array, torque: Array, rate_rad_s: float, *, lag: bool = False
 def _on_knee(elbow_rad: float) -> float:
     """A knee bent by as much of its range as an elbow has been straightened of its."""
     return RANGE_RAD * (elbow_rad - ELBOW_RAD[0]) / (ELBOW_RAD[1] - ELBOW_RAD[0])
-
-
-def _knee_thresholds(rate_rad_s: float) -> dict[int, float]:
-    # Of the knee's extensors at a speed of stretch, in degrees, of the middle patients.
-    people = {s: afflicted(KneePatient(""), s, 0) for s in SEVERITIES}
-    return {
-        s: (p.threshold_rad[0] - p.threshold_rate_s * rate_rad_s) / DEG for s, p in people.items()
-    }
 
 
 def against_elbow(folder: Path) -> dict[str, Any]:
@@ -149,7 +140,10 @@ def against_elbow(folder: Path) -> dict[str, Any]:
         "threshold_deg": threshold / DEG,
         "onset_deg": float(np.interp(0.05 * y.max(), y, x)) / DEG,
         "threshold_scaled_deg": _on_knee(threshold) / DEG,
-        "knee_threshold_deg": _knee_thresholds(ELBOW_RATE_rad_s),
+        "knee_threshold_deg": {  # of the extensors
+            s: (p.threshold_rad[0] - p.threshold_rate_s * ELBOW_RATE_rad_s) / DEG
+            for s, p in MIDDLE.items()
+        },
         # One reflex may come later and be called forth earlier: the curve is the same.
         "threshold_scaled_by_delay_ms": {
             round(1e3 * d): _on_knee(threshold - (d - KneePatient("").delay_s) * ELBOW_RATE_rad_s)

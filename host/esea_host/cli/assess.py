@@ -66,10 +66,9 @@ def _lines(lines: Iterable[str]) -> None:
 
 
 def _data(path: Path | None) -> Any:
-    from esea_host.assess.build import cached
-    from esea_host.assess.database import ResponseDataBase
+    from esea_host.assess.database import ResponseDataBase, shipped
 
-    return ResponseDataBase.load(path) if path else cached(say=told)
+    return ResponseDataBase.load(path) if path else shipped()
 
 
 HeadlessOption = Annotated[

@@ -148,6 +148,7 @@ def run(
 ) -> None:
     """Run a session: the participant's window and the operator's; Space or Escape stops."""
     study = opened(folder, trust, operator=operator)
+    study.protocol.words(language)  # refused before anything is written
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
     if rehearsal and begun:
         raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
@@ -217,7 +218,6 @@ def _remains(path: Path) -> bool:
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
-    study.protocol.words(asked.language)
     if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
         raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
     if asked.headless and asked.device == POINTER:

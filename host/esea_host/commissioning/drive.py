@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from scipy.signal import fftconvolve, lfilter
 
 from esea_gen.device import Device
+from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.identify.drive.regression import Estimate, fit_linear
+from esea_gen.language.system import System, Task
 from esea_host.commissioning.bench import Capture
-from esea_host.commissioning.sign import SignCheck
-from esea_host.commissioning.signals import Signals, motor_torque
 from esea_host.commissioning.startup import RATIO_OFF, DriveRecording, StartupCheck
 from esea_host.recording.layout import Array
 
@@ -23,6 +25,15 @@ TABLE = 16  # values of a correction, over the encoder's turn
 # Of a joint encoder: 0.3 deg at the deflection is some 3 % of full scale where the rubber is soft.
 ERROR_RAD = math.radians(0.3)
 LEAST_WORK_SHARE = 0.1
+FOLLOWS = 0.25  # of the gear's motion, at least, where a side is to have moved with it
+STANDS = 0.1  # of it, at most, where a side is clamped
+FILTER_S, RUBBER_S = 0.042, 0.024  # widths of the Hann windows
+SLOW_RAD_S = 0.1  # below, friction is neither Coulomb's full value nor known to be less
+EVERY_S, BLOCK_S = 0.005, 0.5  # samples that are used; blocks for the intervals
+AGAINST = (
+    "The motor turns against its command: swap two of its phases, or the sign of the torque in the "
+    "drive's settings, never both."
+)
 SLOWEST_RAD_S, MOST_BEND_RAD_S2, LEAST_ROWS = 0.1, 1.5, 10
 
 
@@ -244,7 +255,8 @@ def commanded_work(device: Device, r: DriveRecording) -> tuple[float, float]:
     """
     a = device.file.actuator
     assert a is not None
-    torque = a.gear_ratio.value * motor_torque(r.u_Nm, a.tau_c_s.value, 0.0, r.tick_s)
+    decay = math.exp(-r.tick_s / a.tau_c_s.value)  # by (5.1), of commands held for a tick
+    torque = a.gear_ratio.value * lfilter([0, 1 - decay], [1, -decay], r.u_Nm)
     steps = torque[1:] * np.diff(r.gear_rad)
     return float(steps.sum()), float(np.abs(steps).sum())
 
@@ -257,20 +269,42 @@ def motor_sign(
     if not share >= LEAST_WORK_SHARE:
         told = f"the command did {work_J:+.3g} J of work on the drive, {either_J:.3g} J either way"
         if share < 0:
-            return told, (
-                "The motor turns against its command: swap two of its phases, or the sign of the "
-                "torque in the drive's settings, never both."
-            )
+            return told, AGAINST
         return told, "It hardly moved: is the drive enabled, and does no brake hold the shaft?"
-    # The study's own check, on what was held one way and the other.
     held = [np.flatnonzero(wanted_Nm * s > 0.98 * most_Nm) for s in (1, -1)]
     if not all(len(h) > 10 for h in held):
         return "It ended before both directions were held.", AGAIN
+    # Less the zero after each: where friction left the drive must not count.
     n = min(map(len, held))
-    rows = np.concatenate([h[-n:] for h in held])
-    command = np.repeat([most_Nm, -most_Nm], n)
-    part = DriveRecording(r.tick_s, command, r.gear_rad[rows], r.motor_rad[rows], r.load_rad[rows])
-    return SignCheck.of(part).problem()
+    first, second = held[0][-n:][(n - 1) // 2 : -1], held[1][-n:][1 + (n - 1) // 2 :]
+    gear, motor, load = (
+        float(np.mean(x[first]) - np.mean(x[second])) for x in (r.gear_rad, r.motor_rad, r.load_rad)
+    )
+    scale = abs(gear)
+    seen = (
+        f"with the command from {-most_Nm:+.3f} to {most_Nm:+.3f} Nm the motor's encoder moved by "
+        f"{gear:+.4f} rad at the joint, the motor side's by {motor:+.4f} rad, the load side's by "
+        f"{load:+.4f} rad"
+    )
+    if abs(load) > FOLLOWS * scale and abs(motor) < STANDS * scale:
+        return seen, "The joint's two encoders are swapped: exchange their connectors."
+    if abs(load) > STANDS * scale:
+        return seen, "The output moved: clamp it."
+    if abs(motor) < FOLLOWS * scale:
+        return seen, (
+            "The motor turns and the coupling does not follow: check cable, its tension and "
+            "the motor-side encoder."
+        )
+    if gear > 0 > motor:
+        return seen, (
+            "The motor-side encoder counts the other way: set encoder.motor.direction to its "
+            "opposite and calibrate its zero again."
+        )
+    if gear < 0 < motor:
+        return seen, "The motor's own encoder counts the other way: swap its A and B channels."
+    if gear < 0:
+        return seen, AGAINST
+    return None
 
 
 # -- friction -------------------------------------------------------------------------------------
@@ -287,12 +321,64 @@ class TurnedFriction:
     model_Nm: Array
 
 
+def _window(width_s: float, tick_s: float) -> Array:
+    n = 2 * max(round(0.5 * width_s / tick_s), 1) + 1
+    w = np.hanning(n + 2)[1:-1]
+    return np.asarray(w / w.sum())
+
+
+@lru_cache(maxsize=4)
+def _rubber(device: Device) -> HostLibrary:
+    sensor = device.sensor
+    system = System(
+        "rubber",
+        sensor.period_s,
+        {"sensor": sensor},
+        (Task("sense", ("sensor",)),),
+        {},
+        {p.name: (f"sensor.{p.name}",) for p in sensor.inputs},
+        {p.name: f"sensor.{p.name}" for p in sensor.outputs},
+    )
+    return compile_system(system, "f64")
+
+
+def rubber_torque_Nm(device: Device, deflection_rad: Array, tick_s: float) -> Array:
+    """Torque of the rubber by the device's own sensor, from a quantised deflection."""
+    w = _window(RUBBER_S, tick_s)
+    half = len(w) // 2
+    padded = np.pad(deflection_rad, half, mode="edge")
+    smooth = np.convolve(padded, w, "valid")
+    limit = device.file.limits.theta_rad.value
+    inputs = {
+        "theta_rad": np.clip(smooth, -limit, limit),
+        "omega_rad_s": np.gradient(smooth, tick_s),
+    }
+    found, _ = _rubber(device).task("sense").run(inputs, trace=False)
+    return np.asarray(found["tau_Nm"])
+
+
 def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
-    """Coulomb and viscous friction, from (5.2) with no motor torque; the cable's loss is in it."""
-    s = Signals(device, r, float(r.motor_rad[0] - r.load_rad[0]))
-    turning = -s.term(s.cable_Nm(0.0))
-    columns = [s.term(x) for x in (s.alpha_rad_s2, s.omega_rad_s, s.way)]
-    terms = np.column_stack([*columns, np.ones(len(s.used))])
-    fit = fit_linear(terms, turning, s.blocks)
+    """Coulomb and viscous friction, from (5.2) with no motor torque; the cable's loss is in it.
+
+    Every term goes through one symmetric filter, so that the equation still holds afterwards.
+    """
+    h, w = r.tick_s, _window(FILTER_S, r.tick_s)
+    omega, alpha = np.gradient(r.gear_rad, h), np.zeros_like(r.gear_rad)
+    alpha[1:-1] = np.diff(r.gear_rad, 2) / h**2
+    wound = r.motor_rad - r.load_rad
+    rubber = rubber_torque_Nm(device, wound - float(wound[0]), h)
+    rate = fftconvolve(omega, w, "same")
+    near = np.convolve(np.abs(rate) < SLOW_RAD_S, np.ones(2 * len(w) + 1), "same") > 0
+    evenly = np.zeros(len(rate), dtype=bool)
+    evenly[len(w) : -len(w) : round(EVERY_S / h)] = True
+    used = np.flatnonzero(evenly & ~near)
+
+    def term(x: Array) -> Array:
+        return np.asarray(fftconvolve(x, w, "same")[used])
+
+    turning = -term(rubber)
+    columns = [term(x) for x in (alpha, omega, np.where(rate < 0, -1.0, 1.0))]
+    terms = np.column_stack([*columns, np.ones(len(used))])
+    fit = fit_linear(terms, turning, (used * h / BLOCK_S).astype(int))
     fv, fc = (Estimate.of(fit.values[k], fit.deviation(k), fit.blocks) for k in (1, 2))
-    return TurnedFriction(fc, fv, s.used * r.tick_s, turning, terms @ fit.values)
+    return TurnedFriction(fc, fv, used * h, turning, terms @ fit.values)

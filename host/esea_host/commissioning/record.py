@@ -11,14 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
-from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_host.commissioning.startup import StartupCheck
 from esea_host.connection.identity import Identity
 from esea_host.recording.layout import Array
@@ -50,17 +48,14 @@ def over(
         axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
 
 
-def torque_bars(axes: Axes, check: TorqueCheck) -> None:
+def torque_bars(axes: Axes, shares: Mapping[str, float]) -> None:
+    """Values over their limits, the worst of all phases, by criterion."""
     with mpl.rc_context(STYLE):
-        worst: dict[str, float] = {}
-        for d in check.decisions:
-            worst[d.criterion] = max(worst.get(d.criterion, 0.0), d.value_Nm / d.limit_Nm)
-        names = list(worst)
-        shares = np.array([100 * worst[n] for n in names])
-        colours = [MODEL if s <= 100 else "#b3261e" for s in shares]
-        axes.barh(range(len(names)), shares, color=colours, height=0.6)
+        colours = [MODEL if s <= 1 else "#b3261e" for s in shares.values()]
+        percent = [100 * s for s in shares.values()]
+        axes.barh(range(len(shares)), percent, color=colours, height=0.6)
         axes.axvline(100, color=INK, lw=0.8, ls=(0, (4, 3)))
-        axes.set_yticks(range(len(names)), names)
+        axes.set_yticks(range(len(shares)), list(shares))
         axes.invert_yaxis()
         axes.grid(color=RULE, axis="x")
         axes.set(xlabel="% of its limit, the worst of all phases")

@@ -24,25 +24,8 @@ class DriveRecording:
     motor_rad: Array
     load_rad: Array
 
-    def __len__(self) -> int:
-        return len(self.u_Nm)
-
 
 MARGIN_RAD, LEAST_SPAN_RAD = 0.1, 1.0
-
-
-def require_drive(device: Device) -> None:
-    """Refuse a device without a drive, or with several."""
-    if device.drive is None:
-        raise UserError(
-            f"{device.origin}: the device has no drive to start up.",
-            'Write extends = "elbow_drive" in it.',
-        )
-    if len(device.axes) > 1:
-        raise UserError(
-            f"{device.origin}: it has {len(device.axes)} axes; a start-up is of one drive.",
-            "Give a device file of one axis alone.",
-        )
 
 
 def travel(device: Device) -> tuple[float, float]:

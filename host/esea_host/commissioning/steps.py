@@ -287,16 +287,16 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
     tick_s = bench.device.identity.tick_us * 1e-6
     seconds = every * tick_s * np.arange(len(tau))
     over(above, seconds, [("load as sensed", tau)], "recorded time, s", "Nm", check.known.torque_Nm)
-    torque_bars(below, check)
     hints = {x.name: f"{x.what[0].upper()}{x.what[1:]}. {x.reason[0].upper()}{x.reason[1:]}."
              for x in LIMITS}  # fmt: skip
-    worst: dict[str, tuple[float, CheckDecision]] = {}
-    for d in check.decisions:
-        if d.criterion not in worst or d.value_Nm / d.limit_Nm > worst[d.criterion][0]:
-            worst[d.criterion] = d.value_Nm / d.limit_Nm, d
+    worst: dict[str, CheckDecision] = {}
+    for d in sorted(check.decisions, key=lambda d: d.value_Nm / d.limit_Nm):
+        worst[d.criterion] = d
+    named = [worst[n] for n in dict.fromkeys(d.criterion for d in check.decisions)]
+    torque_bars(below, {d.criterion: d.value_Nm / d.limit_Nm for d in named})
     checks = tuple(
-        StartupCheck("torque", n, d.value_Nm, d.limit_Nm, "Nm", hints[n])
-        for n, (_, d) in worst.items()
+        StartupCheck("torque", d.criterion, d.value_Nm, d.limit_Nm, "Nm", hints[d.criterion])
+        for d in named
     )
     all_found = {"torque_check": check.to_dict(), "recorded_again": again}
     return StepResult("torque", TORQUE, figure, checks, found=all_found)

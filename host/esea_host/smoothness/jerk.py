@@ -12,7 +12,7 @@ from esea_host.smoothness.checks import (
     not_aliased,
     rows,
 )
-from esea_host.smoothness.result import Array, Processing, SmoothnessResult, as_value
+from esea_host.smoothness.result import Processing, SmoothnessResult, as_value
 
 CONVENTIONS = ("reference", "thesis")
 _REFERENCE = "T^3/v_peak^2 * integral of (d2v/dt2)^2 dt"
@@ -89,37 +89,11 @@ def _measured(
     time_s: ArrayLike | None,
     processing: Processing | None,
 ) -> SmoothnessResult:
-    values, stacked = _dimensionless(speed, fs_Hz, convention, jerk, time_s)
-    thesis = convention == "thesis"
-    definition = _THESIS if thesis else _REFERENCE
-    if metric == "LDLJ":
-        values, definition = np.log(values), f"ln({definition})"
-    return SmoothnessResult(
-        metric,
-        as_value(values if thesis else -values, stacked),
-        "1",
-        convention,
-        not thesis,
-        float(fs_Hz),
-        np.shape(speed)[-1],
-        definition if thesis else f"-{definition}",
-        processing=processing,
-        settings={"jerk": "second differences of the speed" if jerk is None else "given"},
-    )
-
-
-def _dimensionless(
-    speed: ArrayLike,
-    fs_Hz: float,
-    convention: str,
-    jerk: ArrayLike | None,
-    time_s: ArrayLike | None,
-) -> tuple[Array, bool]:
     fs_Hz = checked_rate(fs_Hz)
-    checked_choice(convention, CONVENTIONS, "convention")
+    thesis = checked_choice(convention, CONVENTIONS, "convention") == "thesis"
     found, stacked = rows(speed, "The speed", fs_Hz, time_s)
     not_aliased(found, "The speed", stacked)
-    duration_s = found.shape[1] / fs_Hz
+    samples = found.shape[1]
     # Of shares of the peak, as the definition has it: squares of the numbers may overflow.
     peak = np.max(np.abs(found), axis=1, keepdims=True)
     if jerk is None:
@@ -134,10 +108,24 @@ def _dimensionless(
             )
         change = given / peak
     total = np.einsum("ij,ij->i", change, change)
-    if (total <= (8 * np.finfo(np.float64).eps * fs_Hz**2) ** 2 * found.shape[1]).any():
+    if (total <= (8 * np.finfo(np.float64).eps * fs_Hz**2) ** 2 * samples).any():
         raise NoAnswerError(
             "constant", "The acceleration is constant.", "Its jerk is 0: leave it out."
         )
-    if convention == "thesis":
-        return np.asarray(duration_s**5 * total), stacked
-    return np.asarray(duration_s**3 * total / fs_Hz), stacked
+    duration_s = samples / fs_Hz
+    values = duration_s**5 * total if thesis else duration_s**3 * total / fs_Hz
+    definition = _THESIS if thesis else _REFERENCE
+    if metric == "LDLJ":
+        values, definition = np.log(values), f"ln({definition})"
+    return SmoothnessResult(
+        metric,
+        as_value(np.asarray(values if thesis else -values), stacked),
+        "1",
+        convention,
+        not thesis,
+        fs_Hz,
+        samples,
+        definition if thesis else f"-{definition}",
+        processing=processing,
+        settings={"jerk": "second differences of the speed" if jerk is None else "given"},
+    )

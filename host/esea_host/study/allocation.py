@@ -14,7 +14,7 @@ import itertools
 import json
 import re
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -127,29 +127,47 @@ def _of(stratum: str) -> str:
 class Allocations:
     """What a study's record says of its groups.
 
-    A list applies once it was made.  Without one, a simulated study, and a real one of an earlier
-    version, have the groups that follow from the protocol's seed.
+    A study of real people has a list.  A simulated one, and one of an earlier version, have the
+    groups that follow from the protocol's seed until a list is made, and who has begun keeps them.
     """
 
     def __init__(
-        self, folder: Path, protocol: Protocol, trail: Sequence[LoggedEvent], key: bytes = b""
+        self,
+        folder: Path,
+        protocol: Protocol,
+        trail: Sequence[LoggedEvent],
+        key: Callable[[], bytes] = bytes,
     ) -> None:
         self.folder, self.protocol, self.trail, self.key = folder, protocol, trail, key
         self.lists = [e for e in trail if e.kind == "allocate"]
-        wanted = any(e.kind == "created" and e.data.get("allocation") == "list" for e in trail)
-        self.needs_list = bool(protocol.file.groups) and (bool(self.lists) or wanted)
+        self._strict = any(
+            e.kind == "created" and e.data.get("allocation") == "list" for e in trail
+        )
+        self.needs_list = bool(protocol.file.groups) and (self._strict or bool(self.lists))
+        until = self.lists[0].number if self.lists else len(trail)
+        self._begun = {
+            e.data["participant"]
+            for e in trail
+            if e.kind in ("session_start", "session_end") and e.number < until
+        }
         enrolled = [e.data for e in trail if e.kind == "enrol"]
         self._strata = {d["participant"]: d.get("stratum", "") for d in enrolled}
         self._opened = {e.data["participant"]: e.data for e in trail if e.kind == "disclose"}
 
+    def by_seed(self, code: str) -> bool:
+        """Whether group and orders follow from the protocol's seed."""
+        return not self._strict and (not self.lists or code in self._begun)
+
     def group(self, code: str) -> str | None:
         """The group; None until it is disclosed."""
-        if not self.needs_list:
+        if not self.protocol.file.groups:
+            return ""
+        if self.by_seed(code):
             return group_of(self.protocol, list(self._strata).index(code))
         told = self._opened.get(code)
         if told is None:
             return None
-        return str(unsealed(self.key, told[SEALED])[0] if SEALED in told else told["group"])
+        return str(unsealed(self.key(), told[SEALED])[0] if SEALED in told else told["group"])
 
     def stratum(self, code: str) -> str:
         return str(self._strata[code])
@@ -249,7 +267,7 @@ class Allocations:
             if Envelope(stratum, place, group, given).commitment == committed[place - 1]:
                 known = {"participant": code, "stratum": stratum, "place": place}
                 if blinded:
-                    return {**known, SEALED: sealed(self.key, [group, given])}
+                    return {**known, SEALED: sealed(self.key(), [group, given])}
                 return {**known, "group": group, "code": given}
         raise UserError(
             f"{given or 'That'} does not open place {place}{_of(stratum)}.",

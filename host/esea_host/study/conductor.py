@@ -206,6 +206,7 @@ class Conductor(SessionWatcher):
         """On the study's record when this returns, whatever the session does."""
         about = {"participant": self.code, "session": self.number}
         about |= {"trial": self.trial.number if self.trial else None}
+        about |= {"rehearsal": True} if self._session.rehearsal else {}
         said = {"severity": severity, "relation": relation, "action": action, "text": text}
         self.study.record("adverse", **about, **said)
         self._remarks.put(partial(self._session.say, "adverse", severity=severity))

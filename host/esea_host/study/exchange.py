@@ -22,7 +22,7 @@ from esea_host.recording.export import BIDS_VERSION
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
-from esea_host.study.privacy import LEFT_OUT, export_codes, keyed, study_key
+from esea_host.study.privacy import LEFT_OUT, export_codes, keyed
 from esea_host.study.protocol import group_decides
 from esea_host.study.session import COMPLETED, PENDING, read_session, state_of
 from esea_host.study.task import Row, task_named
@@ -47,6 +47,7 @@ _MEANINGS = {
     "simulated": "whether no real person, or no real device, was behind it",
 }
 TRACKED = "device"
+NOBODY = "SIMULATED: no person took part."
 
 
 @dataclass
@@ -94,7 +95,7 @@ def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
 
 def new_codes(study: StudyFolder) -> dict[str, str]:
     """Code in every export to participant."""
-    return export_codes(study_key(study.path), {c for c, _, _ in study.sessions()})
+    return export_codes(study.key, {c for c, _, _ in study.sessions()})
 
 
 def veil(study: StudyFolder, labels: bool = False) -> Callable[[Row], dict[str, Any]]:
@@ -119,8 +120,8 @@ def veil(study: StudyFolder, labels: bool = False) -> Callable[[Row], dict[str, 
 
 def veiled_names(study: StudyFolder) -> dict[str, str]:
     """Neutral names of the conditions, in an order that follows from the study's key."""
-    key = study_key(study.path)
-    order = sorted(study.protocol.file.conditions, key=lambda c: keyed(key, "condition", c))
+    key, known = study.key, study.protocol.file.conditions
+    order = sorted(known, key=lambda c: keyed(key, "condition", c))
     return {c: f"condition {k}" for k, c in enumerate(order, 1)}
 
 
@@ -135,8 +136,12 @@ def shared_rows(study: StudyFolder, labels: bool = False) -> list[dict[str, Any]
 
 def omissions(study: StudyFolder) -> list[str]:
     """What neither exports nor analyses use, and why: a line each."""
-    found, gone = [], {}
-    for kind, data in study.audited_anyway():
+    found, gone = list[str](), {}
+    entries = study.audited_anyway()
+    if rehearsed := sum(kind == "rehearsal" for kind, _ in entries):
+        found.append(f"rehearsals: {rehearsed}, which count for nobody")
+    found += [f"{d['log']}: a broken part, moved aside" for k, d in entries if k == "repair"]
+    for kind, data in entries:
         if kind in ("delete", "withdraw"):
             words = "data deleted" if kind == "delete" else "withdrew"
             gone[data["participant"]] = f"{words}: {data.get('reason') or 'no reason was given'}"
@@ -193,7 +198,8 @@ def people_of(study: StudyFolder) -> set[str]:
 
 def protocol_text(study: StudyFolder) -> str:
     """The protocol without its seed: the orders of trials would tell who came when."""
-    return re.sub(r"(?m)^seed\s*=.*$", "seed = 0  # left out", study.protocol.text)
+    mark = f"# {NOBODY}\n" if study.simulated else ""
+    return mark + re.sub(r"(?m)^seed\s*=.*$", "seed = 0  # left out", study.protocol.text)
 
 
 def to_rows(study: StudyFolder, out: Path, labels: bool = False) -> int:
@@ -251,7 +257,7 @@ def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
     write_tsv(out / "participants.tsv", [[p] for p in people])
     file = study.protocol.file
     about = {
-        "Name": file.title,
+        "Name": ("SIMULATED: " if simulated else "") + file.title,
         "BIDSVersion": BIDS_VERSION,
         "DatasetType": "raw",
         "License": "n/a",
@@ -259,7 +265,7 @@ def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
         "GeneratedBy": [{"Name": "esea-host"}],
     }
     _json(out / "dataset_description.json", about)
-    whose = "SIMULATED: no person took part.\n" if simulated else ""
+    whose = f"{NOBODY}\n" if simulated else ""
     words = f"{file.title}.\n{whose}Each run is one trial; scans.tsv has what came of it.\n"
     (out / "README").write_text(words, encoding="utf-8")
     return runs

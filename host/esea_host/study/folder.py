@@ -338,7 +338,9 @@ class StudyFolder:
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)
-            if self.allocations.needs_list:  # else the orders of trials would tell who came when
+            if not self.allocations.by_seed(
+                code
+            ):  # else the orders of trials would tell who came when
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
@@ -404,8 +406,8 @@ class StudyFolder:
     @property
     def key(self) -> bytes:
         """The secret key of codes, orders and sealed values."""
-        key = study_key(self.path)
         created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        key = study_key(self.path, make="key" not in created)
         if created.get("key", fingerprint(key)) != fingerprint(key):
             raise UserError(
                 f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
@@ -414,7 +416,7 @@ class StudyFolder:
 
     @property
     def allocations(self) -> Allocations:
-        return Allocations(self.path, self.protocol, self.trail(), self.key)
+        return Allocations(self.path, self.protocol, self.trail(), lambda: self.key)
 
     def allocate(self, keep: Path, places: int, reason: str = "") -> list[str]:
         """Draw the sealed list, as a third person; returns its strata."""

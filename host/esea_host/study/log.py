@@ -313,9 +313,11 @@ class EventLog:
         self._check_end()
         try:
             self._write(line)
-        except BaseException:  # a full disk, an interrupt: nothing is left half written
+        except BaseException as error:  # a full disk, an interrupt: nothing is left half written
             with suppress(OSError):
                 os.ftruncate(self._file, self._size)
+            if isinstance(error, OSError):
+                error.filename = str(self.path)
             raise
         self._size, self._line = self._size + len(line), line
         self._count, self._before, self._utc = self._count + 1, own, utc

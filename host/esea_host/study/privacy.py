@@ -37,10 +37,10 @@ def write_secret(path: Path, text: str) -> None:
         os.fsync(out.fileno())
 
 
-def study_key(folder: Path) -> bytes:
-    """The study's secret key; a study of an earlier version gets one here."""
+def study_key(folder: Path, make: bool = True) -> bytes:
+    """The study's secret key; make: a study that has none gets one."""
     path = folder / PRIVATE / KEY
-    if not path.exists():
+    if make and not path.exists():
         write_secret(path, secrets.token_hex(32) + "\n")
     try:
         key = bytes.fromhex(path.read_text(encoding="ascii"))

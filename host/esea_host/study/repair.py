@@ -39,11 +39,11 @@ def repair(study: StudyFolder) -> list[str]:
                     entry = _entry(name, session.moved_aside, session)
                     if session.found.entries:
                         session.append(session.found.entries[-1].time_s, "repair", entry)
-                    else:
-                        log.unlink()
                     who = {"participant": code, "session": number}
                     trail.append(None, "repair", entry | who)
                     said.append(_told(name, session.moved_aside))
+            if session.moved_aside and not session.found.entries:
+                log.unlink()  # the session begins anew
     return said
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from esea_gen.errors import UserError
 from esea_gen.pages import environment
-from esea_host.study.exchange import omissions
+from esea_host.study.exchange import NOBODY, omissions
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent
 from esea_host.study.session import SessionState, read_session
@@ -21,13 +21,14 @@ ACTS = ("allocate", "disclose", "unblind", "export", "repair", "delete", "takeov
 class StudyFlow:
     """Counts of people, in the order of a CONSORT diagram: lines of boxes."""
 
+    simulated: bool
     before: tuple[str, ...]
     allocated: tuple[str, ...]
     arms: tuple[tuple[tuple[str, ...], ...], ...]
 
     def lines(self) -> list[str]:
         boxes = [self.before, self.allocated, *(box for arm in self.arms for box in arm)]
-        return ["; ".join(box) for box in boxes]
+        return [*([NOBODY] if self.simulated else []), *("; ".join(box) for box in boxes)]
 
 
 def flow_of(study: StudyFolder) -> StudyFlow:
@@ -55,7 +56,7 @@ def flow_of(study: StudyFolder) -> StudyFlow:
             arms.append(_arm(study, title, members, states, lost))
     else:
         arms.append(_arm(study, "All participants", opened, states, lost))
-    return StudyFlow(tuple(before), tuple(allocated), tuple(arms))
+    return StudyFlow(study.simulated, tuple(before), tuple(allocated), tuple(arms))
 
 
 def _counted(found: Mapping[str, Set[str]]) -> list[str]:

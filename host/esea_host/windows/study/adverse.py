@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
+
 from PySide6.QtWidgets import QFrame, QLabel, QLineEdit
 
-from esea_gen.errors import UserError
 from esea_host.study.conductor import Conductor
 from esea_host.study.records import RELATIONS, SEVERITIES
 from esea_host.study.words import Words
@@ -30,6 +31,8 @@ class AdversePanel(QFrame):
         super().__init__()
         self.conductor, self.words, self.theme = conductor, words, LIGHT
         self.setFrameShape(QFrame.Shape.StyledPanel)
+        self._writer = ThreadPoolExecutor(1)
+        self.writing: Future[None] | None = None
         self.choices = {name: Choice() for name in CHOICES}
         columns = []
         for name, choice in self.choices.items():
@@ -68,12 +71,19 @@ class AdversePanel(QFrame):
         if not text or not all(chosen.values()):
             self._tell(self.words("adverse.lacking"))
             return
-        try:
-            self.conductor.adverse(**chosen, text=text)
-        except (UserError, OSError) as error:  # a full disk: what was written stays in the fields
-            self._tell(self.words("adverse.not_recorded", problem=str(error)))
+        # Beside the window: another program may hold the record, and the stop must not wait for it.
+        if self.writing is None:
+            self.writing = self._writer.submit(self.conductor.adverse, **chosen, text=text)
+
+    def look(self) -> None:
+        """Whether it is written; if it could not be, the fields keep it."""
+        if self.writing is None or not self.writing.done():
             return
-        self.leave()
+        error, self.writing = self.writing.exception(), None
+        if error is None:
+            self.leave()
+        else:
+            self._tell(self.words("adverse.not_recorded", problem=str(error)))
 
     def _tell(self, text: str) -> None:
         self.told.setText(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from html import escape
 
 from PySide6.QtCore import QRectF, QSize, Qt
@@ -24,7 +25,7 @@ from PySide6.QtWidgets import (
 from esea_host.connection import ConnectedDevice
 from esea_host.study.conductor import HELD, OVER, RESTING, Conductor
 from esea_host.study.plan import PlannedTrial
-from esea_host.study.protocol import GROUP
+from esea_host.study.protocol import group_decides
 from esea_host.study.session import RUNNING
 from esea_host.study.source import Gauge
 from esea_host.study.task import task_named
@@ -176,15 +177,13 @@ class OperatorWindow(StopWindow):
         catch = f" {self.words('operator.catch')}" if trial.catch else ""
         return (f": {said}" if said else "") + catch
 
-    def _condition(self, trial: PlannedTrial) -> str:
+    def _hides(self, trial: PlannedTrial) -> bool:
         # A condition that the group decides would tell the group.
-        if not self._blind:
-            return trial.condition
-        blocks = self.conductor.study.protocol.file.session[self.conductor.number].block
-        by_group = {b.name for b in blocks if b.condition == GROUP}
-        name = trial.block
-        decided = name in by_group or name.rpartition(" ")[0] in by_group
-        return self.words("operator.hidden") if decided else trial.condition
+        file = self.conductor.study.protocol.file
+        return self._blind and group_decides(file, self.conductor.number, trial.block)
+
+    def _condition(self, trial: PlannedTrial) -> str:
+        return self.words("operator.hidden") if self._hides(trial) else trial.condition
 
     def _bottom(self) -> QHBoxLayout:
         self.written = QLineEdit()
@@ -269,8 +268,9 @@ class OperatorWindow(StopWindow):
         c, words = self.conductor, self.words
         word = escape(self._word())
         self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
-        self.scene.show_scene(c.screen().scene)
-        trial = c.trial
+        scene, trial = c.screen().scene, c.trial
+        hides = trial is not None and self._hides(trial)
+        self.scene.show_scene(replace(scene, shapes=()) if hides else scene)
         if trial is not None:
             of = words("operator.trial", number=trial.number, count=len(c.plan.trials))
             again = words("operator.familiarisation") if trial.familiarisation else ""
@@ -297,6 +297,7 @@ class OperatorWindow(StopWindow):
         for name, button in self.buttons.items():
             button.setEnabled(c.phase != OVER or name == "open")
         self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
+        self.adverse.look()
 
     def _word(self) -> str:
         c, words = self.conductor, self.words

@@ -80,7 +80,8 @@ class ParticipantWindow(SceneView):
         font.setBold(True)
         painter.setFont(font)
         room = painter.fontMetrics().boundingRect(text).adjusted(-side // 50, 0, side // 50, 0)
-        room.moveCenter(QPoint(self.width() // 2, self.height() - room.height() // 2 - side // 80))
+        # In the corner: of a wide window that is beside the scene.
+        room.moveBottomRight(QPoint(self.width() - side // 80, self.height() - side // 80))
         painter.fillRect(room, QColor(BANNER_GROUND))
         painter.setPen(QColor("white"))
         painter.drawText(room, Qt.AlignmentFlag.AlignCenter, text)
