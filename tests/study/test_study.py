@@ -408,9 +408,8 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("skip", folder, "P01", "2", "--reason", "no time")
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
     told = call("export", folder, str(tmp_path / "out"))
-    assert told.startswith(
-        "Left out:\n  rehearsals: 1, which count for nobody\n  P01, session 1, trial 2"
-    )
+    assert told.startswith("Left out:\n  rehearsals: 1, which count for nobody\n")
+    assert "  P01, session 1, trial 2 skipped: no time\n" in told
     assert "11 rows" in told
     assert "1 participants" in call("export", folder, "--check")
     assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
