@@ -299,8 +299,7 @@ def _in_windows(
 
 def _name_recordings(study: StudyFolder) -> None:
     # What the rig or the board has recorded, for analyse interaction.
-    from esea_host.interaction.from_board import cut_trials
-    from esea_host.interaction.recordings import recording_name
+    from esea_host.interaction.recordings import cut_trials, recording_name
     from esea_host.interaction.virtual import LAST_S, write_manifest
 
     cut_trials(study)
