@@ -49,7 +49,7 @@ def opened(tmp_path):
     patient = patient_named("S3", (1.7, 70))
     knee = SlippingKnee(patient, device, 3)
     file = tmp_path / "session.json"
-    with LockstepDevice(SimulatedBoard(device, seed=3, motion=knee)) as connected:
+    with LockstepDevice(SimulatedBoard(device, seed=3, motion=knee.step)) as connected:
         given = {"advance": connected.advance, "therapist": knee}
         board = KneeBoard(connected, COMFORT, file, **given)
         desk = ClinicDesk(Assessment(made_up()), COMFORT, patient=patient, file=file, board=board)

@@ -284,7 +284,7 @@ def _board(
 
         made = board_device(loaded_device(name))
         knee = MovedKnee(patient, made, seed)
-        simulated = LockstepDevice(SimulatedBoard(made, seed=seed, motion=knee))
+        simulated = LockstepDevice(SimulatedBoard(made, seed=seed, motion=knee.step))
         given |= {"advance": simulated.advance, "paced": paced, "therapist": knee}
         connected: ConnectedDevice = simulated
     else:

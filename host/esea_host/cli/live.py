@@ -19,7 +19,7 @@ from rich.table import Table as Grid
 from esea_gen.cli.options import option, writable
 from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, paragraphs
-from esea_gen.files import read_whole, write_json
+from esea_gen.files import plain, read_whole, write_json
 from esea_gen.link.received import shown_lines
 from esea_host.cli.app import app, out, told
 from esea_host.cli.options import (
@@ -88,15 +88,9 @@ def _lines(queue: Subscription, seconds: float | None) -> None:
                 print(json.dumps({"gap": asdict(gap)}))
             names = batch.rows.dtype.names or ()
             for row in batch.rows:
-                values = {n: _plain(row[n].tolist()) for n in names}
-                print(json.dumps({"stream": batch.layout.name, **values}), flush=True)
-
-
-def _plain(value: Any) -> Any:
-    # JSON has no NaN.
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    return value if isinstance(value, int) or abs(value) < float("inf") else None
+                values = {n: row[n].tolist() for n in names}
+                told = plain({"stream": batch.layout.name} | values, null=True)
+                print(json.dumps(told), flush=True)
 
 
 def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:

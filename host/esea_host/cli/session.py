@@ -154,9 +154,10 @@ def run(
         raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
     if rehearsal:
         path = study.new_rehearsal(session - 1)
-    if begun and not path.exists():
+    there = not rehearsal and study.begun(code, session - 1)
+    if begun and not there:
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
-    if path.exists() and not begun:
+    if there and not begun:
         raise UserError(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",
@@ -298,8 +299,7 @@ def _in_windows(
 
 def _name_recordings(study: StudyFolder) -> None:
     # What the rig or the board has recorded, for analyse interaction.
-    from esea_host.interaction.from_board import cut_trials
-    from esea_host.interaction.recordings import recording_name
+    from esea_host.interaction.recordings import cut_trials, recording_name
     from esea_host.interaction.virtual import LAST_S, write_manifest
 
     cut_trials(study)

@@ -28,8 +28,8 @@ from esea_host.cli.options import (
     of_file,
     output_file,
 )
-from esea_host.connection import ConnectedDevice, open_device
-from esea_host.connection.address import SimulatedProcess, parse_address
+from esea_host.connection import ConnectedDevice, hands_at, open_device
+from esea_host.connection.address import parse_address
 
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
@@ -142,13 +142,7 @@ def _watch_demo(address: str, record: Path | None, seconds: float | None) -> Non
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
         held.callback(DemoOperator(board).close)
-        run_live(feed, None, seconds, None, partial(_push, board))
-
-
-def _push(board: ConnectedDevice, *pushes_rad: float) -> None:
-    transport = board.receiver.transport
-    if isinstance(transport, SimulatedProcess):
-        transport.push(*pushes_rad)
+        run_live(feed, None, seconds, None, partial(hands_at(board), "push"))
 
 
 @app.command()

@@ -65,7 +65,7 @@ class SimulatedHands:
         self._joint: HandledJoint | None = None
         if drive.passive:
             self._joint = HandledJoint(drive.device, self._axis)
-            drive.set_up(motion=self._joint)
+            drive.set_up(motion=self._joint.step)
 
     def __call__(self, act: HandAct) -> None:
         before, self._load_Nm = self._load_Nm, None

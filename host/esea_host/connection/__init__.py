@@ -2,7 +2,7 @@
 
 from esea_host.connection.asynchronous import AsyncDevice, connect
 from esea_host.connection.device import ConnectedDevice, RunSample
-from esea_host.connection.opening import life_told, open_device
+from esea_host.connection.opening import hands_at, life_told, open_device
 from esea_host.connection.played import PlayedBoard
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 
@@ -15,6 +15,7 @@ __all__ = [
     "RunSample",
     "Subscription",
     "connect",
+    "hands_at",
     "life_told",
     "open_device",
 ]

@@ -116,14 +116,6 @@ class SimulatedProcess(SocketTransport):
             raise LinkError(what, "" if ended else fix, error.decode().strip())
         return int(port)
 
-    def push(self, *pushes_rad: float) -> None:
-        """Push each axis so far; see :class:`esea_host.simulated.SimulatedBoard`."""
-        self.hand("push", *pushes_rad)
-
-    def lead(self, *angles_rad: float) -> None:
-        """Lead the hand to these angles of each axis; it no longer moves by itself."""
-        self.hand("lead", *angles_rad)
-
     def hand(self, word: str, *numbers: float) -> None:
         """Do something at the virtual machine; see :class:`esea_host.simulated.server.Hands`."""
         line = self._process.stdin

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.file import DeviceData
 from esea_gen.link.kept import CouplingLife, coupling_lives
-from esea_host.connection.address import open_transport, parse_address
+from esea_host.connection.address import SimulatedProcess, open_transport, parse_address
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import identify, passive
 
@@ -30,6 +31,20 @@ def open_device(
         connected.close()
         raise
     return connected
+
+
+def hands_at(device: ConnectedDevice) -> Callable[..., None]:
+    """Hands at the virtual machine of a simulated board in a process of its own, if it is one.
+
+    Called with a word and numbers; see :class:`esea_host.simulated.server.Hands`.
+    """
+
+    def act(word: str, *numbers: float) -> None:
+        process = device.receiver.transport
+        if isinstance(process, SimulatedProcess):  # another one while it is opened again
+            process.hand(word, *numbers)
+
+    return act
 
 
 def life_told(device: DeviceData, life: CouplingLife) -> tuple[str, bool]:

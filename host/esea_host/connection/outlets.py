@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import json
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,18 +16,6 @@ from esea_gen.errors import UserError
 from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.recording.layout import PACKAGE, StreamLayout
-
-
-class Outlet(Protocol):
-    """Takes batches, and lets go in the end."""
-
-    said: str
-
-    def put(self, batch: Batch) -> None:
-        """Hand on what came."""
-
-    def close(self) -> None:
-        """No more."""
 
 
 def _library(module: str, package: str) -> Any:
@@ -113,3 +101,6 @@ class LslOutlet:
 
     def close(self) -> None:
         self._outlets.clear()
+
+
+Outlet = FoxgloveOutlet | LslOutlet

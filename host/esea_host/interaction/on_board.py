@@ -16,8 +16,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_gen.studies.torque_check.procedure import KnownLoad
-from esea_host.connection import ConnectedDevice
-from esea_host.connection.address import SimulatedProcess
+from esea_host.connection import ConnectedDevice, hands_at
 from esea_host.interaction.confirming import PHASES, judge, spring_Nm_rad
 from esea_host.interaction.rig import RigPlayer
 from esea_host.interaction.tasks import WithElement
@@ -44,16 +43,11 @@ ElementHands = Callable[[str, float], None]
 
 
 def process_hands(board: ConnectedDevice) -> ElementHands:
-    """Hands at a simulated board in a process of its own."""
-
-    def act(word: str, number: float) -> None:
-        process = board.receiver.transport
-        # An element that the address names stays in.
-        stays = word == "spring" and board.address is not None and "spring=" in board.address.place
-        if isinstance(process, SimulatedProcess) and not stays:  # another one while it is opened
-            process.hand(word, number)
-
-    return act
+    """Hands at a simulated board in a process of its own; an element in its address stays in."""
+    act = hands_at(board)
+    if board.address is None or "spring=" not in board.address.place:
+        return act
+    return lambda word, number: None if word == "spring" else act(word, number)
 
 
 class ElementBoard(InputSource):

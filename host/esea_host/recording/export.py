@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import re
 import time
 from collections.abc import Iterator, Sequence
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.files import new_whole, write_whole
+from esea_gen.files import new_whole, plain, write_whole
 from esea_gen.tables import FileTable
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
@@ -232,10 +231,6 @@ def play(log: Log, stream: str, speed: float) -> Iterator[str]:
         if wait_s > 0:
             time.sleep(wait_s)
         row = dict(zip(table.names, values, strict=True))
-        # JSON has no NaN.
-        plain = {
-            k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()
-        }
-        yield json.dumps({"time_s": round(at_s, 6), **plain})
+        yield json.dumps(plain({"time_s": round(at_s, 6)} | row, null=True))
         if row.get("sequence") in holes:
             yield json.dumps({"gap": asdict(holes[row["sequence"]])})

@@ -103,11 +103,6 @@ def read_mapping(path: Path) -> ForeignMapping:
 
 
 def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
-    with new_whole(target) as part:
-        return _import(source, mapping, part)
-
-
-def _import(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport:
     report = ImportReport()
     try:
         table = _table(source, mapping)
@@ -132,7 +127,7 @@ def _import(source: Path, mapping: ForeignMapping, target: Path) -> ImportReport
     report.rows, report.read, report.left_out = len(rows), table.report(), table.left_out
     told = {k: v for k, v in vars(report).items() if k != "gaps"}
     attached = {"mapping.json": mapping.model_dump_json(indent=1).encode()}
-    with Recorder(target, attached) as recorder:
+    with new_whole(target) as part, Recorder(part, attached) as recorder:
         recorder.event("import", {"file": source.name, **told})
         recorder.rows(layout, rows, board_ns, board_ns)
         for gap in report.gaps:

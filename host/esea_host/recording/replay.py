@@ -155,17 +155,14 @@ class _Task:
         self.step = library.function(f"{stem}_step")
         self.inputs = [external_field(library.naming, x) for x in system.task_inputs(task)]
         self.outputs = [external_field(library.naming, x) for x in system.task_outputs(task)]
-        self.given: Array | None = None
-        self.given_at: Array | None = None
-        if self.inputs:
-            self.given, self.given_at = replay.rows(f"{name}_in")
+        # A task without inputs has no rows of them.
+        none: tuple[Array, Array] = np.empty(0), np.empty(0)
+        self.given, self.given_at = replay.rows(f"{name}_in") if self.inputs else none
         self.told, self.told_at = replay.rows(f"{name}_out")
         self.in_type, self.out_type = f"{stem}_in_t", f"{stem}_out_t"
-        count = len(self.given) if self.given is not None else 1
-        self.packed = np.zeros(max(count, 1), library.dtype(self.in_type))
-        if self.given is not None:
-            for f in self.inputs:
-                self.packed[f.name] = f.encode(self.given[f.name])
+        self.packed = np.zeros(max(len(self.given), 1), library.dtype(self.in_type))
+        for f in self.inputs:
+            self.packed[f.name] = f.encode(self.given[f.name])
         self.computed = np.zeros(max(len(self.told), 1), library.dtype(self.out_type))
         self.done = np.zeros(len(self.told), bool)
         ffi = library.ffi
@@ -175,7 +172,7 @@ class _Task:
 
     def rows(self, ns: Array) -> tuple[list[int], list[int]]:
         """Rows of what it was given and told at these times; -1: none."""
-        given = [0] * len(ns) if self.given_at is None else _rows_at(self.given_at, ns)
+        given = _rows_at(self.given_at, ns) if self.inputs else [0] * len(ns)
         return given, _rows_at(self.told_at, ns)
 
 
@@ -259,8 +256,6 @@ class _Replay:
             progress((i + 1) / len(self.keys))
         for task in self.tasks:
             self._compare(task)
-        assert first.given is not None
-        assert first.given_at is not None
         steps = np.maximum(np.diff(first.given_at) // max(1, self.tick_ns), 1)
         span = 1 + int(steps.sum())
         # Beyond its ends, only an index tells how many are missing.
@@ -285,7 +280,6 @@ class _Replay:
     def _ticks(self, key: _KeyFrame, end_ns: int | None) -> bool:
         # Whether it came to the next key frame without a hole.
         given_at = self.tasks[0].given_at
-        assert given_at is not None
         first = int(np.searchsorted(given_at, key.ns))
         last = len(given_at) if end_ns is None else int(np.searchsorted(given_at, end_ns))
         last = max(first, last)
@@ -360,7 +354,6 @@ class _Replay:
         first = self.verdict.differences[0]
         if first.stream != f"{fast.name}_out":
             return
-        assert fast.given is not None
         ns = round(first.time_s * 1e9) + self.log.start_ns
         key = next((k for k in reversed(self.keys) if k.ns <= ns), None)
         if key is None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import chain, count, cycle, repeat
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -30,10 +30,9 @@ DAMPING_S = 0.1  # of a limb that is moved, times its stiffness
 MOST_GAP_S = 0.1
 
 
-class JointMotion(Protocol):
-    def step(self) -> Mapping[str, tuple[float, float]]:
-        """One base tick on; of each axis the angles of motor side and load side in rad."""
-        ...
+# Of each axis the angles of motor side and load side in rad.
+Angles = Mapping[str, tuple[float, float]]
+JointMotion = Callable[[], Angles]  # called once a base tick
 
 
 class SteppedCoupling:
@@ -73,58 +72,41 @@ def effort_Nm(device: DeviceData) -> float:
     return EFFORT * device.file.limits.tau_Nm.value
 
 
-class SwingingPerson:
+def swinging_person(device: DeviceData) -> Iterator[Angles]:
     """A person who pushes the load side to and fro while the motor side is held; then rests."""
-
-    def __init__(self, device: DeviceData) -> None:
-        joint = device.file.joint
-        assert joint is not None  # a board's device has one
-        self._axes = {a: SteppedCoupling(device, joint.Jh_kgm2.value) for a in device.axes}
-        self._effort_Nm = effort_Nm(device)
-        self._ticks = 0
-
-    def step(self) -> Mapping[str, tuple[float, float]]:
-        self._ticks += 1
-        t_s = self._ticks * TICK_S % (BOUT_S + REST_S) - REST_S
+    joint = device.file.joint
+    assert joint is not None  # a board's device has one
+    couplings = {a: SteppedCoupling(device, joint.Jh_kgm2.value) for a in device.axes}
+    for tick in count(1):
+        t_s = tick * TICK_S % (BOUT_S + REST_S) - REST_S
         grown = math.sin(math.pi * t_s / BOUT_S) ** 2 if t_s > 0 else 0.0
         moved = {}
-        for k, (axis, coupling) in enumerate(self._axes.items()):
+        for k, (axis, coupling) in enumerate(couplings.items()):
             swing = math.sin(2 * math.pi * SWINGS_HZ[k % len(SWINGS_HZ)] * t_s)
-            moved[axis] = 0.0, coupling.step(self._effort_Nm * grown * swing, 0.0)[0]
-        return moved
+            moved[axis] = 0.0, coupling.step(effort_Nm(device) * grown * swing, 0.0)[0]
+        yield moved
 
 
-class TherapistHand:
+def therapist_hand(device: DeviceData) -> Iterator[Angles]:
     """Hands on the motor side that move a limp limb slowly, pause, and move it back."""
-
-    def __init__(self, device: DeviceData) -> None:
-        joint = device.file.joint
-        assert joint is not None  # a board's device has one
-        self._axes = {a: SteppedCoupling(device) for a in device.axes}
-        self._inertia_kgm2 = joint.Jh_kgm2.value
-        self._reach_rad = REACH * joint.theta_max_rad.value
-        self._stiffness_Nm_rad = effort_Nm(device) / self._reach_rad
-        self._plan = [(axis, s) for s in MOVE_S for axis in device.axes]
-        self._at, self._ticks = 0, 0
-
-    def step(self) -> Mapping[str, tuple[float, float]]:
-        moving, move_s = self._plan[self._at]
-        turn_s = 2 * (move_s + PAUSE_S)
-        self._ticks += 1
-        t_s = self._ticks * TICK_S
-        if t_s >= turn_s:
-            self._at, self._ticks = (self._at + 1) % len(self._plan), 0
-        moved = {}
-        for axis, coupling in self._axes.items():
-            share, speed, acceleration = _there_and_back(t_s - PAUSE_S, move_s)
-            x, v, a = (
-                (q * self._reach_rad if axis == moving else 0.0)
-                for q in (share, speed, acceleration)
-            )
-            stiffness = self._stiffness_Nm_rad
-            torque_Nm = stiffness * (x + DAMPING_S * v) + self._inertia_kgm2 * a
-            moved[axis] = coupling.step(torque_Nm, x)[0], x
-        return moved
+    joint = device.file.joint
+    assert joint is not None  # a board's device has one
+    couplings = {a: SteppedCoupling(device) for a in device.axes}
+    reach_rad = REACH * joint.theta_max_rad.value
+    stiffness_Nm_rad = effort_Nm(device) / reach_rad
+    for move_s, moving in cycle((s, axis) for s in MOVE_S for axis in device.axes):
+        for tick in count(1):
+            t_s, moved = tick * TICK_S, {}
+            for axis, coupling in couplings.items():
+                share, speed, acceleration = _there_and_back(t_s - PAUSE_S, move_s)
+                x, v, a = (
+                    (q * reach_rad if axis == moving else 0.0) for q in (share, speed, acceleration)
+                )
+                torque_Nm = stiffness_Nm_rad * (x + DAMPING_S * v) + joint.Jh_kgm2.value * a
+                moved[axis] = coupling.step(torque_Nm, x)[0], x
+            yield moved
+            if t_s >= 2 * (move_s + PAUSE_S):
+                break
 
 
 def _there_and_back(t_s: float, move_s: float) -> tuple[float, float, float]:
@@ -137,77 +119,65 @@ def _there_and_back(t_s: float, move_s: float) -> tuple[float, float, float]:
     return (1 - x, -v, -a) if back else (x, v, a)
 
 
-class RecordedMotion:
+def recorded_motion(device: DeviceData, path: Path) -> Iterator[Angles]:
     """Both angles from a table with ``time_s``, ``theta_motor_rad`` and ``theta_load_rad``.
 
     Linear between its rows; at the end they stay; axes that it does not have rest.
     """
-
-    def __init__(self, device: DeviceData, path: Path) -> None:
-        table = read_table(path)
-        names = {
-            a: tuple(of_axis(f"theta_{side}_rad", a) for side in ("motor", "load"))
-            for a in device.axes
-        }
-        columns = {
-            n: column_of(table, n) for n in ("time_s", *(n for p in names.values() for n in p))
-        }
-        there = {n for n, c in columns.items() if c in table.names}
-        names = {a: pair for a, pair in names.items() if there.issuperset(pair)}
-        if "time_s" not in there or not names:
+    table = read_table(path)
+    names = {
+        a: tuple(of_axis(f"theta_{side}_rad", a) for side in ("motor", "load")) for a in device.axes
+    }
+    columns = {n: column_of(table, n) for n in ("time_s", *(n for p in names.values() for n in p))}
+    there = {n for n, c in columns.items() if c in table.names}
+    names = {a: pair for a, pair in names.items() if there.issuperset(pair)}
+    if "time_s" not in there or not names:
+        raise UserError(
+            f"{path} has the columns {', '.join(table.names)}.",
+            f"A motion of {device.name} has {', '.join(columns)}.",
+        )
+    needed = ["time_s", *(n for pair in names.values() for n in pair)]
+    columns = {n: columns[n] for n in needed}
+    values = {n: table.numbers(c) for n, c in columns.items()}
+    time_s = values["time_s"]
+    if len(time_s) < 2:
+        raise UserError(f"{path} has {len(time_s)} rows.", "A motion has 2 at least.")
+    steps_s = np.diff(time_s)
+    bad = np.flatnonzero((steps_s <= 0) | (steps_s > MOST_GAP_S))
+    if len(bad):
+        raise UserError(
+            f"{table.at(int(bad[0]) + 1, 'time_s')}: {steps_s[bad[0]]:.6g} s after the row "
+            f"before; allowed is above 0 and at most {MOST_GAP_S:g} s.",
+            "Take a part without gaps, with rising times.",
+        )
+    joint = device.file.joint
+    assert joint is not None  # a board's device has one
+    most = joint.omega_max_rad_s.value
+    for name in needed[1:]:
+        speeds = np.abs(np.diff(values[name])) / steps_s
+        k = int(np.argmax(speeds))
+        if speeds[k] > most:
             raise UserError(
-                f"{path} has the columns {', '.join(table.names)}.",
-                f"A motion of {device.name} has {', '.join(columns)}.",
+                f"{table.at(k + 1, name)}: moves by {speeds[k]:.3g} rad/s; the joint's limit "
+                f"is {most:g} rad/s.",
+                "Angles are in rad; of a recording take what is behind its zeroing.",
             )
-        needed = ["time_s", *(n for pair in names.values() for n in pair)]
-        columns = {n: columns[n] for n in needed}
-        values = {n: table.numbers(c) for n, c in columns.items()}
-        time_s = values["time_s"]
-        if len(time_s) < 2:
-            raise UserError(f"{path} has {len(time_s)} rows.", "A motion has 2 at least.")
-        steps_s = np.diff(time_s)
-        bad = np.flatnonzero((steps_s <= 0) | (steps_s > MOST_GAP_S))
-        if len(bad):
-            raise UserError(
-                f"{table.at(int(bad[0]) + 1, 'time_s')}: {steps_s[bad[0]]:.6g} s after the row "
-                f"before; allowed is above 0 and at most {MOST_GAP_S:g} s.",
-                "Take a part without gaps, with rising times.",
-            )
-        joint = device.file.joint
-        assert joint is not None  # a board's device has one
-        most = joint.omega_max_rad_s.value
-        for name in needed[1:]:
-            speeds = np.abs(np.diff(values[name])) / steps_s
-            k = int(np.argmax(speeds))
-            if speeds[k] > most:
-                raise UserError(
-                    f"{table.at(k + 1, name)}: moves by {speeds[k]:.3g} rad/s; the joint's limit "
-                    f"is {most:g} rad/s.",
-                    "Angles are in rad; of a recording take what is behind its zeroing.",
-                )
-        at_s = np.arange(time_s[0], time_s[-1], TICK_S)
-        paths = {n: np.interp(at_s, time_s, values[n]).tolist() for n in needed[1:]}
-        self._axes = {
-            a: list(zip(paths[motor], paths[load], strict=True))
-            for a, (motor, load) in names.items()
-        }
-        self._rest = dict.fromkeys(device.axes, (0.0, 0.0))
-        self._next, self._last = 0, len(at_s) - 1
-
-    def step(self) -> Mapping[str, tuple[float, float]]:
-        at = self._next
-        self._next = min(at + 1, self._last)
-        return self._rest | {axis: path[at] for axis, path in self._axes.items()}
+    at_s = np.arange(time_s[0], time_s[-1], TICK_S)
+    paths = {n: np.interp(at_s, time_s, values[n]).tolist() for n in needed[1:]}
+    axes = {a: zip(paths[m], paths[load], strict=True) for a, (m, load) in names.items()}
+    rest = dict.fromkeys(device.axes, (0.0, 0.0))
+    steps = [rest | dict(zip(axes, now, strict=True)) for now in zip(*axes.values(), strict=True)]
+    return chain(steps, repeat(steps[-1]))
 
 
 def make_motion(name: str, device: DeviceData) -> JointMotion:
     """A motion by name, ``person`` or ``therapist``, or from a table."""
     if name == "person":
-        return SwingingPerson(device)
+        return swinging_person(device).__next__
     if name == "therapist":
-        return TherapistHand(device)
+        return therapist_hand(device).__next__
     if Path(name).suffix or Path(name).is_file():
-        return RecordedMotion(device, Path(name))
+        return recorded_motion(device, Path(name)).__next__
     raise UserError(
         f"There is no motion '{name}'.",
         f"Choose from {', '.join(MOTIONS)}, or give a table (.csv).",
@@ -238,13 +208,13 @@ class MovedJoint:
     def start(self) -> list[int]:
         self._noise = np.random.default_rng([self._seed, 3])
         self._ticks = 0
-        self._moved = self.motion.step()
+        self._moved = self.motion()
         return self._counts((0.0,) * len(self.axes))
 
     def step(self, moves: bool, pushes_rad: Sequence[float]) -> list[int]:
         """A tick on, in which the motion goes on or rests; somebody pushes each joint so far."""
         if moves:
-            self._moved = self.motion.step()
+            self._moved = self.motion()
         return self._counts(pushes_rad)
 
     def truth(self) -> dict[str, float]:

@@ -13,7 +13,6 @@ import time
 import tty
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
@@ -28,12 +27,6 @@ IDLE_S = 0.0005
 MOST_PUSH_RAD, MOST_AIM_RAD = 1.0, 3.0
 SETTLE_TICKS, ZERO_TICKS = 300, 500
 GUEST_S, MOST_GUEST_BYTES = 1.0, 4096  # for which somebody beside the host is heard
-
-
-class _Line(Protocol):
-    def read(self) -> bytes | None: ...
-    def write(self, data: bytes) -> int: ...
-    def close(self) -> None: ...
 
 
 class _Socket:
@@ -267,7 +260,7 @@ def serve_hosts(
 
 def _play(
     drive: SimulatedBoard,
-    line: _Line,
+    line: _Socket | _Terminal,
     speed: float,
     hands: Hands | None,
     attend: Callable[[], None] = lambda: None,

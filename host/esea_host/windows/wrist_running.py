@@ -10,7 +10,7 @@ from pathlib import Path
 from PySide6.QtWidgets import QApplication
 
 from esea_gen.errors import UserError
-from esea_host.connection import ConnectedDevice
+from esea_host.connection import ConnectedDevice, hands_at
 from esea_host.connection.address import SimulatedProcess
 from esea_host.connection.recording import LiveRecording
 from esea_host.simulated.drive import LockstepDevice, SimulatedBoard
@@ -42,8 +42,13 @@ def run_wrist(
     display = WristDisplay(device.identity.device, calibration)
     keeper = ConstraintKeeper(device, arms=device.simulated)
     feed = LiveFeed(device, recording)
-    transport = device.receiver.transport
-    lead = partial(_lead, transport) if isinstance(transport, SimulatedProcess) else None
+    lead = None
+    if isinstance(device.receiver.transport, SimulatedProcess):
+        act = hands_at(device)
+
+        def lead(*angles_deg: float) -> None:
+            act("lead", *map(math.radians, angles_deg))
+
     window = WristWindow(feed, display, keeper, dark, lead, save_to)
     window.resize(WIDTH, HEIGHT)
     window.start()
@@ -52,10 +57,6 @@ def run_wrist(
     finally:
         keeper.close()
         feed.close()
-
-
-def _lead(transport: SimulatedProcess, fe_deg: float, ru_deg: float) -> None:
-    transport.lead(math.radians(fe_deg), math.radians(ru_deg))
 
 
 class FilmedWrist:
