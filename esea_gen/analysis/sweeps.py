@@ -17,6 +17,8 @@ EXCITED = 1e-3
 # Averages below which a coherence says nothing: of one segment it is 1 by construction.
 MIN_SEGMENTS = 4
 MIN_SAMPLES_A_SEGMENT = 16
+# Of the windows along a sweep: width, at least so many cycles, and how many are tried.
+RESOLUTION_Hz, CYCLES, POINTS = 1.0, 3.0, 200
 
 
 def welch_response(
@@ -87,14 +89,7 @@ class Sweep:
 
 
 def sweep_response(
-    time_s: npt.ArrayLike,
-    u: npt.ArrayLike,
-    y: npt.ArrayLike,
-    sweep: Sweep,
-    *,
-    resolution_Hz: float = 1.0,
-    cycles: float = 3.0,
-    points: int = 200,
+    time_s: npt.ArrayLike, u: npt.ArrayLike, y: npt.ArrayLike, sweep: Sweep
 ) -> FrequencyResponse:
     """Response along a linear sweep, by local least squares on the sweep's own phase."""
     # In a Hann-weighted window both signals are fitted by (a + b x) cos(phase) + (c + d x)
@@ -102,35 +97,28 @@ def sweep_response(
     # -j (k / 4 pi) d2H/df2, which is not corrected: the curvature is noisier than the response.
     time = checked_time(time_s)
     x, z = checked("u", u, len(time)), checked("y", y, len(time))
-    if not (resolution_Hz > 0 and cycles >= 1 and points >= 4):
-        raise UserError(
-            f"resolution {resolution_Hz} Hz, cycles {cycles}, points {points}.",
-            "Give a resolution above 0, at least 1 cycle and 4 points.",
-        )
-    kept = _windows(time, np.stack([x, z], axis=1), sweep, resolution_Hz, cycles, points)
+    kept = _windows(time, np.stack([x, z], axis=1), sweep)
     f_kept, response, coherence, sigma = (np.array(c) for c in zip(*kept, strict=True))
     return FrequencyResponse(
         f_kept.astype(np.float64),
         response.astype(np.complex128),
         coherence.astype(np.float64),
         sigma.astype(np.float64),
-        f"sweep {sweep.start_Hz:g} to {sweep.end_Hz:g} Hz, local fits over {resolution_Hz:g} Hz",
+        f"sweep {sweep.start_Hz:g} to {sweep.end_Hz:g} Hz, local fits over {RESOLUTION_Hz:g} Hz",
     )
 
 
-def _windows(
-    time: Array, both: Array, sweep: Sweep, resolution_Hz: float, cycles: float, points: int
-) -> list[tuple[float, complex, float, float]]:
+def _windows(time: Array, both: Array, sweep: Sweep) -> list[tuple[float, complex, float, float]]:
     """Frequency, response, explained share and relative deviation of every window that fits."""
     rate = sweep.rate_Hz_s
     begin = max(time[0], sweep.start_s)
     end = min(time[-1], sweep.start_s + sweep.duration_s)
-    lowest = max(sweep.start_Hz, math.sqrt(rate * cycles / 2))
+    lowest = max(sweep.start_Hz, math.sqrt(rate * CYCLES / 2))
     phase = sweep.phase_rad(time)
     kept: list[tuple[float, complex, float, float]] = []
-    for f in np.geomspace(lowest, sweep.end_Hz, points) if lowest < sweep.end_Hz else ():
+    for f in np.geomspace(lowest, sweep.end_Hz, POINTS) if lowest < sweep.end_Hz else ():
         centre = sweep.start_s + (f - sweep.start_Hz) / rate
-        half = 0.5 * max(resolution_Hz / rate, cycles / f)
+        half = 0.5 * max(RESOLUTION_Hz / rate, CYCLES / f)
         if centre - half < begin - 1e-9 or centre + half > end + 1e-9:
             continue
         a, b = np.searchsorted(time, (centre - half, centre + half))
@@ -139,8 +127,8 @@ def _windows(
         kept.append((float(f), *_local(time[a:b], phase[a:b], both[a:b], centre, half)))
     if len(kept) < 4:
         raise UserError(
-            f"{len(kept)} of {points} windows fit into the sweep from {begin:g} to {end:g} s.",
-            "Lower resolution_Hz or cycles, or check the sweep's ends.",
+            f"{len(kept)} of {POINTS} windows fit into the sweep from {begin:g} to {end:g} s.",
+            "Record a longer sweep, or check its ends.",
         )
     return kept
 

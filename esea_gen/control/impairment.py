@@ -123,9 +123,9 @@ class _Impairment:
                 Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
             ),
         )
-        wall = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
+        shown = sp.Piecewise((PUSH, DEPTH > 0), (0, True))
         total = sp.Max(sp.Min(RESISTANCE - sp.Symbol("W"), TAU_MAX), -TAU_MAX)
-        self.equations = equations(EQUATIONS, wall=wall, total=total)
+        self.equations = equations(EQUATIONS, wall=shown, total=total)
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         depth = label("depth_rad", u.theta_rad - c.wall_rad, "into the wall")

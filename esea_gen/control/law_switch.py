@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.language.block import Block, Guard, Labels, StepFn, StepResult
+from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, Tunable, clip, status_port
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
@@ -25,43 +25,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
     period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
     places = [f"{k} {n}" for k, n in enumerate(laws)]
     clipped = "the joined command was clipped at the motor's limit"
-    return Block.define(
-        "law",
-        "Switch between control laws, without a bump",
-        period_s=period,
-        tunables=(
-            Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
-        ),
-        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
-        prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
-        state=(
-            Port("law_held", 0, last, "place of the law in force"),
-            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
-            Port("u_last_Nm", -reach, reach, "last command"),
-        ),
-        inputs=(
-            Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
-            *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
-            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
-        ),
-        outputs=(
-            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
-            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
-            Port("law_held", 0, last, "place of the law in force"),
-            status_port(
-                "what is known of the choice",
-                "a command was NaN or outside its range; 0 stands for it",
-                "the state was corrupt: the first law is in force",
-                Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
-                Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
-            ),
-        ),
-        equations=equations(EQUATIONS),
-        step=_joining(laws, checked, reach),
-    )
 
-
-def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepFn:
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         known = [u.law == k for k in range(len(laws))]
         unknown = label("unknown", ca.logic_not(sum(known[1:], known[0])), "no law's place")
@@ -94,7 +58,40 @@ def _joining(laws: Sequence[str], checked: Sequence[str], reach: float) -> StepF
             },
         )
 
-    return step
+    return Block.define(
+        "law",
+        "Switch between control laws, without a bump",
+        period_s=period,
+        tunables=(
+            Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
+        ),
+        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
+        prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
+        state=(
+            Port("law_held", 0, last, "place of the law in force"),
+            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
+            Port("u_last_Nm", -reach, reach, "last command"),
+        ),
+        inputs=(
+            Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
+            *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
+            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
+        ),
+        outputs=(
+            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
+            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
+            Port("law_held", 0, last, "place of the law in force"),
+            status_port(
+                "what is known of the choice",
+                "a command was NaN or outside its range; 0 stands for it",
+                "the state was corrupt: the first law is in force",
+                Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
+                Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
+            ),
+        ),
+        equations=equations(EQUATIONS),
+        step=step,
+    )
 
 
 EQUATIONS = """

@@ -43,42 +43,35 @@ def with_outputs(block: Block, more: Sequence[tuple[Port, str]]) -> Block:
     )
 
 
+def _port(source: Sequence[Port], name: str, as_name: str = "") -> Port:
+    p = next(p for p in source if p.name == name)
+    return Port(as_name or name, p.low, p.high, p.meaning, p.size, p.equation)
+
+
 def with_state_as_output(block: Block, name: str, meaning: str) -> Block:
     """A Block that also gives one of its new states as an output."""
-    port = next((p for p in block.state if p.name == name), None)
-    if port is None:
+    if name not in (p.name for p in block.state):
         raise ValueError(f"block {block.name}: no state {name}")
-    shown = Port(name, port.low, port.high, meaning, port.size, port.equation)
-    return with_outputs(block, [(shown, f"next_{name}")])
+    return with_outputs(
+        block, [(replace(_port(block.state, name), meaning=meaning), f"next_{name}")]
+    )
 
 
 def gains_reference(block: Block) -> Block:
     """The reference with the gains of its impedance law, for the Block that keeps it passive."""
-    more = []
-    for name, shown in (("Kp_Nm_rad", "stiffness_Nm_rad"), ("Kd_Nms_rad", "damping_Nms_rad")):
-        p = next(p for p in block.coefficients if p.name == name)
-        more.append((Port(shown, p.low, p.high, p.meaning, p.size, p.equation), f"c_{name}"))
+    shown = {"Kp_Nm_rad": "stiffness_Nm_rad", "Kd_Nms_rad": "damping_Nms_rad"}
+    more = [(_port(block.coefficients, n, as_name), f"c_{n}") for n, as_name in shown.items()]
     return with_outputs(block, more)
 
 
 def shown_reference(block: Block) -> Block:
     """The reference with what it makes of a change of mode, and its tunables, for a horizon."""
-
-    def port(source: Sequence[Port], name: str, as_name: str = "") -> Port:
-        p = next(p for p in source if p.name == name)
-        return Port(as_name or name, p.low, p.high, p.meaning, p.size, p.equation)
-
-    more = [(port(block.state, "offset_Nm"), "next_offset_Nm")]
-    more += [
-        (port(block.coefficients, n), f"c_{n}")
-        for n in ("keep", "tau_range_Nm", "Kp_Nm_rad", "Kd_Nms_rad")
-    ]
+    more = [(_port(block.state, "offset_Nm"), "next_offset_Nm")]
+    tunable = ("keep", "tau_range_Nm", "Kp_Nm_rad", "Kd_Nms_rad")
+    more += [(_port(block.coefficients, n), f"c_{n}") for n in tunable]
     adapted = "label_tau_adapted_Nm" in block.labelled_step.name_out()
-    more += [
-        (
-            port(block.inputs, n, n.replace("desired", "wanted")),
-            "label_tau_adapted_Nm" if adapted and n.startswith("tau") else f"label_{n}_used",
-        )
-        for n in ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
-    ]
+    for n in ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"):
+        source = "tau_adapted_Nm" if adapted and n.startswith("tau") else f"{n}_used"
+        port = _port(block.inputs, n, n.replace("desired", "wanted"))
+        more.append((port, f"label_{source}"))
     return with_outputs(block, more)

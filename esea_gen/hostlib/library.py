@@ -185,19 +185,23 @@ class CRunner:
         packed = self.pack(inputs)
         out = np.zeros(len(packed), self._out_type)
         states = np.zeros(len(packed) if trace else 0, self._state_type)
-        self._run(
-            *self._coeffs,
-            self._cast(f"{self.prefix}_state_t", self._state),
-            self._cast(f"{self.stem}_in_t", packed),
-            self._cast(f"{self.stem}_out_t", out),
-            self._cast(f"{self.prefix}_state_t", states) if trace else self.library.ffi.NULL,
-            len(packed),
-        )
+        self.run_into(packed, out, states)
         known = {f.name: f for f in self.state_fields if not raw}
         outputs = {f.name: out[f.name] if raw else f.decode(out[f.name]) for f in self.outputs}
         names = (self._state_type.names or ()) if trace else ()
         after = {n: known[n].decode(states[n]) if n in known else states[n] for n in names}
         return outputs, after
+
+    def run_into(self, packed: Array, out: Array, states: Array) -> None:
+        """Run over packed inputs, into arrays of the C's structs; no states without elements."""
+        self._run(
+            *self._coeffs,
+            self._cast(f"{self.prefix}_state_t", self._state),
+            self._cast(f"{self.stem}_in_t", packed),
+            self._cast(f"{self.stem}_out_t", out),
+            self._cast(f"{self.prefix}_state_t", states) if len(states) else self.library.ffi.NULL,
+            len(packed),
+        )
 
     def step(self, **inputs: Any) -> dict[str, Any]:
         """One step."""

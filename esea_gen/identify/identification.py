@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ class Identification(Identified):
         Errors of the best model without Maxwell element, where one was asked for and kept.
     with_rate : Verdict, optional
         Errors of the best model with one, where it was not better on held-out data: left out.
-    device, source, recordings, verdict, notes, worth, channels, seconds
+    device, source, recordings, verdict, notes, worth, channels
         As in :class:`~esea_gen.identify.identified.Identified`.
     """
 
@@ -118,7 +117,6 @@ def identify(
     UserError
         For anything wrong in the mapping file or the recordings.
     """
-    begun = time.monotonic()
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
     source = load_mapping(mapping_path, data_folder)
@@ -163,7 +161,6 @@ def identify(
         notes=notes,
         worth=worth_of(device, recordings, verdict, band, plant.judged),
         channels=channels,
-        seconds=time.monotonic() - begun,
     )
 
 

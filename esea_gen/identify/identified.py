@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +91,6 @@ class Identified:
     notes: tuple[str, ...]
     worth: tuple[TorqueWorth, ...] = ()
     channels: tuple[ChannelNumber, ...] = ()
-    seconds: float = field(compare=False)  # taken; in no result, which is the same every time
 
     @property
     def full_scale_Nm(self) -> float:

@@ -27,7 +27,6 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft, fit_split
 from esea_gen.identify.published.fit import Progress
-from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.recording.recorded import Recording
@@ -230,7 +229,6 @@ def joint_fit(
     mapping_path: str | Path,
     data_folder: str | Path | None = None,
     progress: Progress | None = None,
-    how: Searching | None = None,
 ) -> JointFit:
     """Fit all specimens of a mapping together and each by itself, and compare their torques."""
     tell: Progress = progress or (lambda share, text: None)
@@ -258,7 +256,7 @@ def joint_fit(
     for number, (name, some) in enumerate([("", recordings), *specimens.items()]):
         tell(number / (1 + len(specimens)), f"fit of {name or 'all together'}")
         template = draft(source, some, rate_terms)
-        _, _, device, verdict = fit_split(source, some, template, lambda share, text: None, how)
+        _, _, device, verdict = fit_split(source, some, template, lambda share, text: None)
         errors[name] = {s.label: b.rms for s, _, b in verdict.misfits.sets if b is not None}
         if not name:
             full_scale = device.tau_full_scale_Nm

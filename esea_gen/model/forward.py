@@ -43,10 +43,6 @@ class Forward:
         """Whether a step clipped the Maxwell element's torque."""
         return ca.fabs(end["label_tau_r_raw_Nm"]) > self.tau_r_high
 
-    def share(self, known: Mapping[str, ca.SX]) -> ca.SX:
-        """(1 - exp(-x))/x of the Maxwell step, as the sensor has it: d tau_r / d theta over kv."""
-        return known["label_share"]
-
     def of(self, s: SimpleNamespace) -> dict[str, Any]:
         return {p.name: getattr(s, p.name) for p in self.state}
 

@@ -228,7 +228,7 @@ class _Exact:
         """Of the Maxwell element: its slope over theta(k) (3.3), its torque if nothing moves."""
         if not self.forward.has_rate:
             return ca.SX(0), ca.SX(0)
-        share = label("rate_share", self.forward.share(known), "(1 - exp(-x))/x, third order")
+        share = label("rate_share", known["label_share"], "(1 - exp(-x))/x, third order")
         slope = self.values["kv_Nm_rad"] * share
         slope = label("rate_slope_Nm_rad", slope, "(3.3) d tau_r / d theta(k)")
         relaxed = state["tau_r_Nm"] * known["label_decay"]

@@ -211,7 +211,7 @@ class _Published:
             label("omega_rad_s", omega, "rate of the step")
             model = self.forward.step(state, theta, omega)
             if self.forward.has_rate:
-                label("rate_share", self.forward.share(model), "(1 - exp(-x))/x, third order")
+                label("rate_share", model["label_share"], "(1 - exp(-x))/x, third order")
             missed = model["label_tau_Nm"] - corrected
             difference = clip(missed, -2 * self.tau_high, 2 * self.tau_high)
             fast, far = ca.fabs(rate) > self.omega_high, ca.fabs(missed) > 2 * self.tau_high

@@ -73,7 +73,6 @@ class SweepCheck:
     welch: Bandwidth
     command: Bandwidth
     response: FrequencyResponse
-    spectra: FrequencyResponse
     dropped_s: float
     widest_s: float
 
@@ -88,11 +87,7 @@ class DataCheck:
         return all(abs(s.author_Hz - s.published_Hz) < 1e-6 for s in self.sweeps)
 
     def to_dict(self) -> dict[str, Any]:
-        sweeps = [
-            {k: v for k, v in vars(s).items() if k != "spectra"}
-            | {"response": s.response.to_dict()}
-            for s in self.sweeps
-        ]
+        sweeps = [vars(s) | {"response": s.response.to_dict()} for s in self.sweeps]
         return {"reproduced": self.reproduced, "sweeps": sweeps, "steps": self.steps}
 
     def table(self) -> list[str]:
@@ -160,7 +155,6 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
         spectra.band(0.5, SWEEP.end_Hz - 1).bandwidth(),
         response.bandwidth(passband_gain=1.0),
         response,
-        spectra,
         grid.dropped_s,
         grid.widest_s,
     )

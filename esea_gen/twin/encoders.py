@@ -62,14 +62,13 @@ def _tunables(joint_bits: float, motor_bits: float | None) -> tuple[Tunable, ...
     texts = ("offset", *(f"{w} of harmonic {i}" for i in (1, 2) for w in ("amplitude", "phase")))
     text = "bits of both joint encoders"
     joint = assumed("joint_encoder_bits", joint_bits, 4, joint_bits, text)
-    if motor_bits is None:
-        motor: tuple[Tunable, ...] = ()
-        gear = motor
-    else:
-        text = "bits of the motor's encoder"
-        motor = (assumed("motor_encoder_bits", motor_bits, 4, motor_bits, text),)
-        text = "offset of the motor's encoder, at its shaft"
-        gear = (assumed("gear_offset_rad", 0, -500, 500, text),)
+    motor: tuple[Tunable, ...] = ()
+    gear: tuple[Tunable, ...] = ()
+    if motor_bits is not None:
+        text_m = "bits of the motor's encoder"
+        motor = (assumed("motor_encoder_bits", motor_bits, 4, motor_bits, text_m),)
+        text_g = "offset of the motor's encoder, at its shaft"
+        gear = (assumed("gear_offset_rad", 0, -500, 500, text_g),)
     return (
         joint,
         *motor,

@@ -78,30 +78,6 @@ def test_a_spring_off_by_its_scale_is_found(block):
         assert int(y["status"][-1]) == flags(block)["LEARNS"]
 
 
-def test_nothing_is_learnt_without_information(block):
-    angle, rate = swung(3)
-    shown = 1.2 * MASS_NM * np.sin(angle - HANGS_RAD)
-    still = np.full_like(angle, HANGS_RAD + 0.6)
-    at_rest = 1.2 * MASS_NM * math.sin(0.6) * np.ones_like(angle)
-    cases = {
-        "no mass": (shown, angle, rate, {}, {}),
-        "a mass at rest": (at_rest, still, 0 * rate, HUNG, {}),
-        "not to be trusted": (shown, angle, rate, HUNG, {"sensing_ok": 0.0}),
-        "no torque where some is": (0 * shown + 2.8, angle, rate, HUNG, {}),
-        "beyond the horizontal": (shown, angle, rate, {**HUNG, "mass_angle_rad": -1.5}, {}),
-    }
-    for name, (tau, turned, speed, tunables, more) in cases.items():
-        y, _ = run(block, tau, turned, speed, {**tunables, "gain": 1.1, "loss": 0.1}, **more)
-        learns = (y["status"].astype(int) & flags(block)["LEARNS"]).any()
-        if name == "no torque where some is":
-            assert (y["status"].astype(int) & flags(block)["IMPLAUSIBLE"]).any()
-            continue
-        assert not learns, name
-        assert set(y["gain"].round(6)) == {1.1}
-        assert set(y["loss"].round(6)) == {0.1}
-        assert not y["offset_Nm"].any()
-
-
 def test_nothing_but_the_wish_reads_what_was_learnt(drive):
     """So no limit, no comparison and no observer moves: an adaptation cannot move a trip."""
     for device in (drive, esea_gen.load_device("elbow_mpc")):

@@ -88,21 +88,6 @@ def test_the_steps_of_the_encoder_average_out(drive):
     assert np.abs(y["gap_rad"][-1700:] - 0.01).max() < 1e-3
 
 
-def test_a_rendered_impedance_closes_the_gap_and_learns_it_all_the_same(drive):
-    """Mode 2: the cable alone, tau/k; what is known of the gap is there again in torque mode."""
-    given, wound = cable(150, 0.01, 0.2)
-    given["mode"][:-1700] = 2.0
-    given["gear_usable"][3000] = 0.0
-    y, _ = cable_observer(drive).simulator().run(given)
-    closed = slice(0, -1700)
-    assert np.all(y["gap_rad"][closed] == 0)
-    by_torque = given["tau_Nm"] * y["give_rad_Nm"]
-    assert y["wound_rad"][closed] == pytest.approx(by_torque[closed], abs=1e-4)
-    late = slice(-1700, None)
-    assert y["gap_rad"][late] == pytest.approx(0.01, abs=4e-4)
-    assert y["wound_rad"][late] == pytest.approx(wound[late], abs=5e-4)
-
-
 # -- the prediction --------------------------------------------------------------------------------
 
 

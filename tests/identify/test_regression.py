@@ -58,14 +58,10 @@ def test_a_linear_fit_is_that_of_singular_values_with_the_blocks_covariance():
     covariance = clustered(terms, left, blocks)
     np.testing.assert_allclose(found.covariance, covariance, rtol=1e-6)
     assert found.rms == pytest.approx(math.sqrt(float(left @ left) / 60), rel=1e-9)
-    for k in range(3):
-        assert found.deviation(k) == pytest.approx(math.sqrt(covariance[k, k]), rel=1e-6)
-    # Of a sum of coefficients: the deviation by its gradient, and Student's t of four degrees.
-    g = np.array([1.0, -2.0, 0.003])
-    e = found.estimate(g, 5.0)
-    spread = math.sqrt(float(g @ covariance @ g))
-    assert e.half == pytest.approx(QUANTILES[4] * spread, rel=4e-5)
-    assert e.value == 5.0
+    # By Student's t of four degrees.
+    for k, e in enumerate(found.estimates()):
+        assert e.value == found.values[k]
+        assert e.half == pytest.approx(QUANTILES[4] * math.sqrt(covariance[k, k]), rel=4e-5)
 
 
 def test_a_second_pass_takes_back_what_normal_equations_lose():
@@ -80,7 +76,7 @@ def test_as_many_samples_as_terms_and_one_block_leave_a_number():
     terms, wanted = np.eye(2), np.array([3.0, 4.0])
     found = fit_linear(terms, wanted, np.zeros(2))
     assert found.values.tolist() == [3.0, 4.0]
-    assert (found.blocks, found.deviation(0)) == (1, 0.0)
+    assert (found.blocks, found.estimates()[0].half) == (1, 0.0)
     # A residual that no term takes; one block: its pull is what the fit has made 0.
     one = fit_linear(np.ones((3, 1)), np.array([1.0, 2.0, 6.0]), np.array([0, 0, 1]))
     # Mean 3; pulls -3 and 3: 18 / 9, times 2/1 and 3/2.
@@ -91,8 +87,7 @@ def test_as_many_samples_as_terms_and_one_block_leave_a_number():
     assert two.covariance[0, 0] == pytest.approx(2.0)
     # Rounding below 0 is no deviation.
     odd = LeastSquares(np.zeros(1), np.array([[-1e-20]]), np.zeros(3), 3)
-    assert odd.deviation(0) == 0
-    assert odd.estimate(np.ones(1), 1.0).half == 0
+    assert odd.estimates()[0].half == 0
 
 
 LOW, HIGH = np.array([0.2, 1.0]), np.array([1.0, 4.0])

@@ -393,7 +393,13 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("create", str(EXAMPLE), folder, "--simulated")
     assert "group" not in call("enrol", folder, "P01", "--consent")
     assert "Simulated participant: 12 of 12" in call("run", folder, "P01", "--headless")
+    assert "REHEARSAL: " in call("run", folder, "P09", "--headless", "--rehearsal")
     assert "the same, bit for bit" in call("replay", folder, "P01")
+    call("event", folder, "deviation", "An hour late", "--participant", "P01", "--session", "1")
+    grave = ("--severity", "mild", "--relation", "possible", "--action", "Padded the cuff")
+    call("event", folder, "adverse", "Red skin", "--participant", "P01", *grave)
+    assert "adverse action=Padded the cuff participant=P01" in call("audit", folder)
+    assert "nothing was changed" in call("repair", folder)
     assert "Every log is as it was written" in call("audit", folder)
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
     assert "comes again" in call("repeat", folder, "P01", "3", "--reason", "a cough")
@@ -402,7 +408,8 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     call("skip", folder, "P01", "2", "--reason", "no time")
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
     told = call("export", folder, str(tmp_path / "out"))
-    assert told.startswith("Left out:\n  P01, session 1, trial 2 skipped: no time\n")
+    assert told.startswith("Left out:\n  rehearsals: 1, which count for nobody\n")
+    assert "  P01, session 1, trial 2 skipped: no time\n" in told
     assert "11 rows" in told
     assert "1 participants" in call("export", folder, "--check")
     assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)

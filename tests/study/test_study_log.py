@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
+from esea_host.cli import app
 from esea_host.study.exchange import to_bids, to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
@@ -79,6 +81,20 @@ def test_kill_loses_the_running_trial_at_most(study, protocol, uncut, seed):
     assert (after.remaining, list(after.past)) == ((), uncut)
     assert read_log(path).breaks == ()
     assert path.with_suffix(".torn").exists() == (before.torn > 0)
+    assert study.problems() == []
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_session_that_was_killed_in_its_first_event_begins(study, share):
+    killed_at(study, 1, share)
+    path = study.log_of("P01", 0)
+    assert (path.stat().st_size > 0) == (share > 0)
+    assert not study.begun("P01", 0)
+    for refused in ("resume", "replay"):
+        done = CliRunner().invoke(app, ["study", refused, str(study.path), "P01"])
+        assert "has not begun session 1" in str(done.exception)
+    done = CliRunner().invoke(app, ["study", "run", str(study.path), "P01", "--headless"])
+    assert "12 of 12" in done.output
     assert study.problems() == []
 
 

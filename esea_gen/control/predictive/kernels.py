@@ -6,8 +6,6 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.language.ports import flag_word
-
 
 def same(x: Any) -> Any:
     return x
@@ -27,7 +25,3 @@ def plus(total: Any, a: Any, b: Any) -> Any:
 
 def take_from(total: Any, a: Any, b: Any) -> Any:
     return total - a * b
-
-
-def flags_of(*conditions: Any) -> ca.SX:
-    return flag_word(ca.SX(c) for c in conditions)

@@ -13,10 +13,10 @@ import casadi as ca
 
 from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp
 from esea_gen.control.predictive.horizon import Horizon, Linearised, Model, linearise
-from esea_gen.control.predictive.kernels import flags_of, one, plus, same, take_from, zero
+from esea_gen.control.predictive.kernels import one, plus, same, take_from, zero
 from esea_gen.control.predictive.stop_rollout import StopRollout
 from esea_gen.language.builder import Builder, declare_ports, guard_inputs
-from esea_gen.language.ports import Flag, Port, clip, in_range
+from esea_gen.language.ports import Flag, Port, clip, flag_word, in_range
 from esea_gen.language.program import Program
 from esea_gen.language.statements import Ix, Memory, Ref
 
@@ -410,12 +410,17 @@ class _Writer:
             "report",
             [valid[0], sound[0], qp.convex[0], qp.capped[0], qp.optimal[0], fine[0]],
             [self.out["status"][0]],
-            lambda valid, sound, convex, capped, optimal, fine: flags_of(
-                ca.logic_not(valid),
-                ca.logic_not(sound),
-                ca.logic_or(ca.logic_not(convex), ca.logic_and(valid, ca.logic_not(fine))),
-                ca.logic_and(capped, convex),
-                ca.logic_not(optimal),
+            lambda valid, sound, convex, capped, optimal, fine: flag_word(
+                map(
+                    ca.SX,
+                    [
+                        ca.logic_not(valid),
+                        ca.logic_not(sound),
+                        ca.logic_or(ca.logic_not(convex), ca.logic_and(valid, ca.logic_not(fine))),
+                        ca.logic_and(capped, convex),
+                        ca.logic_not(optimal),
+                    ],
+                )
             ),
         )
 

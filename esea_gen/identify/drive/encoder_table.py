@@ -119,7 +119,7 @@ def _fitted(side: str, direction: int, raw: Array, reference: Array, nodes: int)
     terms = np.column_stack([hats[:, seen], *([0.5 * moved] if both else [])])
     blocks = np.floor(rows * (BLOCKS / len(rows)))
     fit = fit_linear(terms, error, blocks)
-    values = [Estimate.of(v, fit.deviation(k), fit.blocks) for k, v in enumerate(fit.values)]
+    values = fit.estimates()
     play = values.pop() if both else None
     values = _bent(values)
     # Table and zero share their mean: the table's is 0.

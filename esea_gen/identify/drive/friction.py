@@ -198,13 +198,11 @@ def fit_friction(runs: Sequence[SteadyRun]) -> Friction:
         np.array([moving.max() / 2, 3 * np.ptp(y)]),
         block,
     )
-    own = [Estimate.of(found.values[k], found.deviation(k), found.blocks) for k in range(5)]
-    vs, fs, load, fc, fv = own
+    vs, fs, load, fc, fv = found.estimates()
     seen: tuple[Estimate | None, Estimate | None] = (fs, vs)
     if fs.low <= 0 or vs.low <= 0:
         found = fit_linear(rest, y, block)
-        own = [Estimate.of(found.values[k], found.deviation(k), found.blocks) for k in range(3)]
-        seen, (load, fc, fv) = (None, None), own
+        seen, (load, fc, fv) = (None, None), found.estimates()
     used = sum(int(k.sum()) for k in near)
     outside = sum(len(k) for k in near) - used
     left = found.rms, float(np.std(y))

@@ -59,13 +59,10 @@ class LeastSquares:
     residual: Array
     blocks: int
 
-    def deviation(self, k: int) -> float:
-        return float(np.sqrt(np.maximum(self.covariance[k, k], 0.0)))
-
-    def estimate(self, gradient: Array, value: float) -> Estimate:
-        """Of something that depends on the coefficients, from its gradient."""
-        spread = float(np.sqrt(np.maximum(gradient @ self.covariance @ gradient, 0.0)))
-        return Estimate.of(value, spread, self.blocks)
+    def estimates(self) -> list[Estimate]:
+        deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        pairs = zip(self.values, deviations, strict=True)
+        return [Estimate.of(v, d, self.blocks) for v, d in pairs]
 
     @property
     def rms(self) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -229,7 +228,6 @@ def identify_member(
     progress: Progress | None = None,
 ) -> FamilyIdentification:
     """Identify a device whose torque model is a member of the family."""
-    begun = time.monotonic()
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
     member = _member_named(name)
@@ -266,7 +264,6 @@ def identify_member(
         notes=notes,
         worth=worth_of(device, recordings, verdict, spread),
         channels=channels,
-        seconds=time.monotonic() - begun,
         fitted=fitted,
         sigma=sigma,
         spread=spread,

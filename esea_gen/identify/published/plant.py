@@ -108,7 +108,6 @@ class FittedPlant:
     def _take(self, recordings: list[Recording], rows: int | None) -> None:
         self._of_thread = threading.local()
         self.streams: list[FitStream] = []
-        self.evaluations = 0
         for r in recordings:
             if not any(len(s.training) for s in r.sets):
                 continue
@@ -192,7 +191,6 @@ class FittedPlant:
 
     def run(self, values: Mapping[str, float], name: str = "sensor") -> list[dict[str, Array]]:
         """Run the C over every stream; several threads may do so at once."""
-        self.evaluations += 1
         runner, out = self._runner(name), []
         for s in self.streams:
             runner.prepare(values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -84,7 +84,6 @@ def check_sliding(
     plants: Sequence[str] = ("ideal", "real"),
     cases: Sequence[tuple[str, str]] = SLIDING_CASES,
     seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
 ) -> tuple[SlidingCheck, ...]:
     """The sliding condition along logged runs, with the layer as it is and with a tenth of it."""
     system = controller_system(controller)
@@ -98,9 +97,8 @@ def check_sliding(
     wide = tunables["phi_rad_s"]
     # No status word before the first run of the control task: ENTERED takes those out as well.
     layers = (wide.default, max(wide.low, NARROW * wide.default))
-    every = list(product(plants, layers, cases))
     found = []
-    for done, (plant, phi, (study, name)) in enumerate(every, 1):
+    for plant, phi, (study, name) in product(plants, layers, cases):
         case = load_study(study, ClosedLoopStudy).case(name)
         setting = Setting(controller, plant, "none", tunables={"smc": {"phi_rad_s": phi}})
         run = run_case(case, setting, seed)
@@ -112,6 +110,4 @@ def check_sliding(
         period_s = task.every / RATE_HZ
         figures = sliding_condition(surface, active, limited, phi, period_s)
         found.append(SlidingCheck(plant, name, **figures))
-        if progress is not None:
-            progress(done, len(every))
     return tuple(found)

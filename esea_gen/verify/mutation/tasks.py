@@ -74,14 +74,7 @@ def _run_over_rubbish(runner: CRunner, inputs: Mapping[str, Array]) -> list[byte
     packed = runner.pack(inputs) if inputs else np.zeros(800, runner._in_type)
     out, states = np.zeros(len(packed), runner._out_type), np.zeros(len(packed), runner._state_type)
     out.view(np.uint8)[:] = 0xA5
-    runner._run(
-        *runner._coeffs,
-        runner._cast(f"{runner.prefix}_state_t", runner._state),
-        runner._cast(f"{runner.stem}_in_t", packed),
-        runner._cast(f"{runner.stem}_out_t", out),
-        runner._cast(f"{runner.prefix}_state_t", states),
-        len(packed),
-    )
+    runner.run_into(packed, out, states)
     return [out.tobytes(), states.tobytes()]
 
 

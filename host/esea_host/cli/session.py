@@ -154,9 +154,10 @@ def run(
         raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
     if rehearsal:
         path = study.new_rehearsal(session - 1)
-    if begun and not path.exists():
+    there = not rehearsal and study.begun(code, session - 1)
+    if begun and not there:
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
-    if path.exists() and not begun:
+    if there and not begun:
         raise UserError(
             f"{code} has begun session {session} already.",
             f"Go on with: esea-host study resume {folder} {code} --session {session}.",

@@ -135,6 +135,10 @@ def create(
     trusted(c.sha256 for c in protocol.code)  # what --task named runs from the folder too
     kind, form = ("SIMULATED", "") if simulated else ("real", " --form VERSION")
     out.print(f"{folder}: {kind}; next: esea-host study enrol {folder} P01 --consent{form}")
+    if protocol.file.groups and not simulated:
+        out.print(
+            f"Groups: a third person draws the list: esea-host study allocate {folder} --keep ..."
+        )
 
 
 @study_app.command("enrol")
@@ -264,7 +268,7 @@ def replay_command(
 
     study = opened(folder, trust)
     path = study.log_of(code, session - 1)
-    if not path.exists():
+    if not study.begun(code, session - 1):
         raise UserError(f"{code} has not begun session {session}.", "Name one that was begun.")
     sources: dict[str, BoardInputs | None] = {"log": None}
     if any(path.parent.glob("device-*.mcap")):

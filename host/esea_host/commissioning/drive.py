@@ -380,5 +380,5 @@ def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
     columns = [term(x) for x in (alpha, omega, np.where(rate < 0, -1.0, 1.0))]
     terms = np.column_stack([*columns, np.ones(len(used))])
     fit = fit_linear(terms, turning, (used * h / BLOCK_S).astype(int))
-    fv, fc = (Estimate.of(fit.values[k], fit.deviation(k), fit.blocks) for k in (1, 2))
+    fv, fc = fit.estimates()[1:3]
     return TurnedFriction(fc, fv, used * h, turning, terms @ fit.values)

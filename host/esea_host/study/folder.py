@@ -270,12 +270,19 @@ class StudyFolder:
     def log_of(self, code: str, session: int) -> Path:
         return self.path / code / f"session-{session + 1}" / EVENTS
 
+    def begun(self, code: str, session: int) -> bool:
+        """Whether its log has an event; one that was killed before the first has not begun."""
+        path = self.log_of(code, session)
+        return path.exists() and bool(read_log(path).entries)
+
     def sessions(self, code: str = "*", every: bool = False) -> Iterator[tuple[str, int, Path]]:
         """Code, number and log of each; of participants who have withdrawn only with every=True."""
         without = set() if every else self._with("withdraw")
         for path in sorted(self.path.glob(f"{code}/session-*/{EVENTS}")):
             number, whose = path.parent.name.removeprefix("session-"), path.parents[1].name
-            if re.fullmatch("[1-9][0-9]{0,8}", number) and whose not in without:
+            if whose in without or not path.stat().st_size:  # killed before its first event
+                continue
+            if re.fullmatch("[1-9][0-9]{0,8}", number):
                 yield whose, int(number) - 1, path
 
     def leave_out(self, path: Path, error: UserError) -> None:
@@ -327,13 +334,13 @@ class StudyFolder:
             index = self._must_be_here(code)
             for earlier in range(number):
                 path = self.log_of(code, earlier)
-                if not path.exists() or read_session(path).remaining:
+                if not self.begun(code, earlier) or read_session(path).remaining:
                     raise UserError(
                         f"{code} has not done session {earlier + 1}.",
                         "Sessions come in their order.",
                     )
             log = self.log_of(code, number)
-            if source is None and not log.exists():
+            if source is None and not self.begun(code, number):
                 raise UserError(f"{code} has not begun session {number + 1}.", "Name another one.")
             if source is not None:
                 self.must_suit(source.simulated)

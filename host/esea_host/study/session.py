@@ -94,7 +94,7 @@ def _state_of(found: LogFound) -> SessionState:
     for row in past:
         if lacking := ABOUT - row.keys():
             raise KeyError(f"row without {', '.join(sorted(lacking))}")
-    boards = (e.data.get("content_hash") for e in found.entries if e.kind == "ready")
+    ready = [e.data for e in found.entries if e.kind == "ready"]
     return SessionState(
         participant=head["participant"],
         plan=plan,
@@ -105,10 +105,10 @@ def _state_of(found: LogFound) -> SessionState:
         ended=ended,
         torn=len(found.torn),
         last_s=found.entries[-1].time_s,
-        simulated=bool(head.get("simulated")),
+        simulated=bool(head.get("simulated", any(r.get("simulated") for r in ready))),
         rehearsal=bool(head.get("rehearsal")),
         about=dict(head.get("about", {})),
-        content_hash=next(filter(None, boards), ""),
+        content_hash=next(filter(None, (r.get("content_hash") for r in ready)), ""),
     )
 
 
