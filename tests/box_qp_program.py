@@ -8,9 +8,8 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp, one, same, zero
-from esea_gen.control.predictive.kernels import flags_of
 from esea_gen.language.builder import Builder, declare_ports
-from esea_gen.language.ports import Flag, Port, clip
+from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.program import Program
 from esea_gen.language.statements import Memory
 
@@ -135,11 +134,16 @@ def _answer(
         ],
         [y["status"][0], y["residual"][0], y["iterations"][0]],
         lambda valid, convex, capped, optimal, residual, iterations: (
-            flags_of(
-                ca.logic_not(valid),
-                ca.logic_not(convex),
-                ca.logic_and(capped, convex),
-                ca.logic_not(optimal),
+            flag_word(
+                map(
+                    ca.SX,
+                    [
+                        ca.logic_not(valid),
+                        ca.logic_not(convex),
+                        ca.logic_and(capped, convex),
+                        ca.logic_not(optimal),
+                    ],
+                )
             ),
             ca.fmin(residual, largest),
             iterations,

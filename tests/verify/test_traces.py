@@ -44,7 +44,8 @@ def changed_elbow(pattern: str, value: str) -> Device:
 
 
 # Steps of a Program are interpreted, one by one: CI runs it with the slow sample.
-DEAR = {"elbow_mpc": pytest.mark.slow, "wrist_drive": pytest.mark.ci}
+DEAR = {"elbow_mpc": pytest.mark.slow}
+DEAR |= dict.fromkeys(("wrist_drive", "wrist_board"), pytest.mark.ci)
 DEVICES = [
     pytest.param(name, marks=DEAR[name]) if name in DEAR else name
     for name in sorted(shipped_devices())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -29,6 +29,7 @@ MOST_TICK_US = 1_000_000
 MOST_EVENTS = 500_000
 
 
+@dataclass(eq=False)
 class Table:
     """Rows of a stream.
 
@@ -46,16 +47,11 @@ class Table:
         Holes between the rows.
     """
 
-    def __init__(
-        self,
-        layout: StreamLayout,
-        rows: Array,
-        board_ns: Array,
-        start_ns: int,
-        gaps: tuple[Gap, ...] = (),
-    ) -> None:
-        self.layout, self.rows, self.board_ns = layout, rows, board_ns
-        self.start_ns, self.gaps = start_ns, gaps
+    layout: StreamLayout
+    rows: Array
+    board_ns: Array
+    start_ns: int
+    gaps: tuple[Gap, ...] = ()
 
     def __len__(self) -> int:
         return len(self.rows)

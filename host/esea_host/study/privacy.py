@@ -18,8 +18,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
 from esea_gen.errors import UserError
 
+NONCE_BYTES = 12  # NIST SP 800-38D, 5.2.1.1
 PRIVATE, KEY, SEALED = "private", "key", "sealed"
 LEFT_OUT = "left out"  # in place of a value that a blinded person would see
 
@@ -82,24 +86,21 @@ def export_codes(key: bytes, codes: Iterable[str]) -> dict[str, str]:
 
 
 def sealed(key: bytes, value: Any) -> str:
-    """A value that only who has the key can read: encrypted with SHAKE-256, authenticated."""
+    """A value that only who has the key can read or change (AES-256-GCM)."""
     plain = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
     plain += b" " * (-len(plain) % 256)  # the length would tell
-    nonce = secrets.token_bytes(16)
-    stream = hashlib.shake_256(key + nonce).digest(len(plain))
-    hidden = (int.from_bytes(plain) ^ int.from_bytes(stream)).to_bytes(len(plain))
-    return base64.b64encode(nonce + hidden + hmac.digest(key, nonce + hidden, "sha256")).decode()
+    nonce = secrets.token_bytes(NONCE_BYTES)
+    return base64.b64encode(nonce + AESGCM(key).encrypt(nonce, plain, None)).decode()
 
 
 def unsealed(key: bytes, text: str) -> Any:
     raw = base64.b64decode(text, validate=True)
-    nonce, hidden, tag = raw[:16], raw[16:-32], raw[-32:]
-    if not hmac.compare_digest(tag, hmac.digest(key, nonce + hidden, "sha256")):
+    try:
+        return json.loads(AESGCM(key).decrypt(raw[:NONCE_BYTES], raw[NONCE_BYTES:], None))
+    except InvalidTag:
         raise UserError(
             f"A sealed value does not open with {PRIVATE}/{KEY}.", "Restore that file from a copy."
-        )
-    stream = hashlib.shake_256(key + nonce).digest(len(hidden))
-    return json.loads((int.from_bytes(hidden) ^ int.from_bytes(stream)).to_bytes(len(hidden)))
+        ) from None
 
 
 # -- what could identify a person ------------------------------------------------------------------
@@ -137,7 +138,7 @@ def findings(
         for what, pattern in patterns.items():
             if hits := sorted({m[0] for m in re.finditer(pattern, text)}):
                 found.append(f"{name}: {what}: {', '.join(hits[:SHOWN])}")
-        if path.suffix == ".toml" and (notes := re.findall(r"(?m)^\s*#.*$", text)):
+        if path.suffix == ".toml" and (notes := re.findall(r"(?m)^\s*#(?! SIMULATED).*$", text)):
             found.append(f"{name}: {len(notes)} lines of comments: read them")
         for column, value, who in _cells_of(path):
             holders.setdefault((path.suffix, column), {}).setdefault(value, set()).add(who)
