@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import os
 import re
@@ -34,6 +35,14 @@ settings.register_profile(
     "search", settings.get_profile("any"), derandomize=False, print_blob=True, database=None
 )
 settings.load_profile("same")
+
+# What is imported and collected stays: nobody looks for garbage in it, then or later.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 # Of the slow tests, those that CI runs each time: some minutes, every kind of them.
