@@ -297,7 +297,7 @@ def enumerated_ranks(values, group):
     return min(1.0, 2 * min(np.mean(sums <= seen + 1e-9), np.mean(sums >= seen - 1e-9)))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(trials())
 def test_crossover_in_any_unit_order_and_naming(trial):
     """Units, people's order, the two periods' and the two treatments' names change no p."""
@@ -327,7 +327,7 @@ def test_crossover_in_any_unit_order_and_naming(trial):
             assert b.estimate == pytest.approx(sign * size * a.estimate, rel=1e-9, abs=1e-12 * size)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(trials(), st.integers(0, 2**32 - 1))
 def test_mixed_model_with_missing_periods(trial, seed):
     """Unit, order and names change nothing; where statsmodels converges, it gives the same."""

@@ -66,7 +66,7 @@ def caught(trial, rng, path):
 
 
 def moved(trial, rng, path):
-    time_s = np.arange(1, 12_001) / 1000
+    time_s = np.arange(1, 7_001) / 1000
     noise = 0.05 + 0.1 * (trial.parameters["element"] == "spring")
     steps = rng.normal(0, noise, len(time_s)).cumsum() * 1e-3
     write_recording(
