@@ -166,6 +166,7 @@ def test_compilers_and_options_change_no_bit(
     assert run([tmp_path / "host"]).stdout == host_checksum
 
 
+@pytest.mark.ci
 def test_cortex_a9_gives_the_same_bits(tmp_path: Path, host_checksum: str) -> None:
     compiler, emulator = tool("arm-linux-gnueabi-gcc"), tool("qemu-arm")
     options = [

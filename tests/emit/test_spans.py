@@ -107,7 +107,7 @@ def build(tree, x):
     }[tree[0]]()
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @drawn(
     expressions(),
     st.lists(st.floats(-2, 2, width=32), min_size=3, max_size=3),

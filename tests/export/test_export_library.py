@@ -240,6 +240,7 @@ endif()
 """
 
 
+@pytest.mark.ci
 def test_the_zephyr_module_builds_with_stand_ins(made, tmp_path):
     """Not Zephyr itself, which is not installed: its functions are stood in for."""
     require_tool("cmake")

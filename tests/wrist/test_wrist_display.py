@@ -72,7 +72,7 @@ def calibration(led):
     return calibration_of(led[0].past, "wrist_drive", "0" * 64, True)
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.data())
 def test_how_rows_are_grouped_changes_no_frame(drive, led, data):
     frames, guides = led[2][:700], []
