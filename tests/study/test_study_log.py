@@ -197,7 +197,7 @@ def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, study, forgery,
             assert write(StudyFolder.open(study.path), tmp_path / out) == 12
     forged(study.path / "audit.jsonl", "enrol", participant=1)
     assert any("enrol has no participant" in p for p in study.problems())
-    with pytest.raises(UserError, match=r"audit\.jsonl: line 3: enrol has no participant"):
+    with pytest.raises(UserError, match=r"audit\.jsonl: line 7: enrol has no participant"):
         study.participants()
 
 
