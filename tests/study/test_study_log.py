@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
 from esea_host.cli import app
-from esea_host.study.exchange import to_bids, to_rows
+from esea_host.study.exchange import omissions, to_bids, to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import Protocol, load_protocol
+from esea_host.study.repair import repair
 from esea_host.study.session import read_session
 from esea_host.study.source import SimulatedSource
 from tests.conducted import EXAMPLE, changed, run_one, study_of
@@ -139,9 +140,27 @@ def test_an_edit_is_named(study, how):
     (first, *_) = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: ")
     assert {"value": "content was edited", "tail": "not what it was"}.get(how, "line 6") in first
-    if how != "tail":
-        with pytest.raises(UserError, match="has been changed"):
-            study.rows("P01")
+    wrong = "not what it was" if how == "tail" else "has been changed"
+    for use in (study.rows, lambda c: study.session(c, 0, SimulatedSource(1))):
+        with pytest.raises(UserError, match=wrong):
+            use("P01")
+    assert any(wrong in words for words in omissions(study))
+    assert len(repair(study)) == 1
+    assert study.problems() == []
+    study.rows("P01")
+
+
+def test_a_log_in_another_place_is_nobodys(study):
+    run_one(study)
+    study.enrol("P02", True)
+    for place, words in (("P02", "another session"), ("Anna", "nobody with the code Anna")):
+        shutil.copytree(study.path / "P01", study.path / place)
+        assert any(words in p for p in study.problems())
+        assert any(f"{place}, session 1, whole: " in p for p in omissions(study))
+        with pytest.raises(UserError, match=words):
+            study.rows(place)
+    with pytest.raises(UserError, match="no participant code"):
+        study.enrol("P03\n", True)
 
 
 def forged(path: Path, kind: str, **data) -> None:
@@ -166,7 +185,10 @@ def forged(path: Path, kind: str, **data) -> None:
 )
 def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, study, forgery, data):
     run_one(study)
-    shutil.copytree(study.path / "P01", study.path / "P02")
+    study.enrol("P02", True)
+    other = study.session("P02", 0, SimulatedSource(3))
+    other.run()
+    other.close()
     forged(study.log_of("P01", 0), forgery, **data)
     first, *_ = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: an event lacks")
@@ -175,7 +197,7 @@ def test_a_forged_log_is_named_and_the_others_are_read(tmp_path, study, forgery,
             assert write(StudyFolder.open(study.path), tmp_path / out) == 12
     forged(study.path / "audit.jsonl", "enrol", participant=1)
     assert any("enrol has no participant" in p for p in study.problems())
-    with pytest.raises(UserError, match=r"audit\.jsonl: line 3: enrol has no participant"):
+    with pytest.raises(UserError, match=r"audit\.jsonl: line 7: enrol has no participant"):
         study.participants()
 
 

@@ -220,6 +220,8 @@ def event(
     given: dict[str, Any] = {"participant": participant, "text": text}
     if participant and participant not in study.participants():
         raise UserError(f"{participant} is not in this study.", "Name a participant of it.")
+    if session is not None and session > (most := len(study.protocol.file.session)):
+        raise UserError(f"There is no session {session}.", f"There are {most}.")
     given |= {} if session is None else {"session": session - 1}
     more = {"severity": severity, "relation": relation, "action": action}
     if kind is EventKind.adverse:

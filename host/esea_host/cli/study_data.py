@@ -114,10 +114,14 @@ def export(
     study = opened(folder, trust, runs=as_ is ExportForm.bids, operator=operator)
     if (to is None) is not check:
         raise UserError("Either a new folder is written, or --check lists.", "Give one of them.")
+    if to is not None:
+        study.must_know_operator()  # before anything is written
     say_left_out(omissions(study))
     if to is None:
         with tempfile.TemporaryDirectory() as scratch:
-            _write(study, Path(scratch) / "x", as_, labels)
+            # Parquet has the same rows, which are looked at as text.
+            form = ExportForm.rows if as_ is ExportForm.parquet else as_
+            _write(study, Path(scratch) / "x", form, labels)
             found = _identifying(study, Path(scratch) / "x")
         out.print(
             "Could identify a person:" if found else "Found nothing that identifies a person."

@@ -267,9 +267,10 @@ TICK_NS = 1_000_000  # of the sensing task
 def cut_trials(study: StudyFolder) -> int:
     """Write the recording of every completed interaction trial that has none yet."""
     written = 0
-    for _, _, path in study.sessions():
+    for code, number, path in study.sessions():
         recordings = BoardRecordings(path.parent)
         try:
+            study.read(code, number, path)
             found = traces(path) if recordings.paths else []
         except UserError as error:
             study.leave_out(path, error)

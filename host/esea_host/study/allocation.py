@@ -234,6 +234,11 @@ class Allocations:
                 found.append(error.what.rstrip("."))
         return found
 
+    def must_not_have_made(self, by: str) -> None:
+        if by and by in {e.by for e in self.lists}:
+            fix = "Somebody else enrols people and runs the sessions."
+            raise UserError(f"{by} made the list of allocations.", fix)
+
     def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:
         """Open the next place of the participant's stratum, by its code or the sealed list."""
         stratum = self._strata[code]
@@ -250,10 +255,7 @@ class Allocations:
                 f"All {len(committed)} places{_of(stratum)} are open.",
                 "The third person adds further ones: study allocate with --reason.",
             )
-        if by and by in {e.by for e in self.lists}:
-            raise UserError(
-                f"{by} made the list of allocations.", "Somebody else runs the sessions."
-            )
+        self.must_not_have_made(by)
         if not opening:
             raise UserError(
                 f"{code} has no group yet: place {place}{_of(stratum)} is to be opened.",

@@ -24,7 +24,7 @@ from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
 from esea_host.study.privacy import LEFT_OUT, export_codes, keyed
 from esea_host.study.protocol import group_decides
-from esea_host.study.session import COMPLETED, PENDING, read_session, state_of
+from esea_host.study.session import COMPLETED, PENDING, state_of
 from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
@@ -47,6 +47,7 @@ _MEANINGS = {
     "simulated": "whether no real person, or no real device, was behind it",
 }
 TRACKED = "device"
+LOST = "its end is lost"
 NOBODY = "SIMULATED: no person took part."
 
 
@@ -140,13 +141,17 @@ def omissions(study: StudyFolder) -> list[str]:
     entries = study.audited_anyway()
     if rehearsed := sum(kind == "rehearsal" for kind, _ in entries):
         found.append(f"rehearsals: {rehearsed}, which count for nobody")
-    found += [f"{d['log']}: a broken part, moved aside" for k, d in entries if k == "repair"]
+    for data in (d for k, d in entries if k == "repair"):
+        found.append(f"{data['log']}: {'a broken part, moved aside' if 'aside' in data else LOST}")
     for kind, data in entries:
         if kind in ("delete", "withdraw"):
             words = "data deleted" if kind == "delete" else "withdrew"
             gone[data["participant"]] = f"{words}: {data.get('reason') or 'no reason was given'}"
     found += [f"{code}: {why}" for code, why in gone.items()]
     begun = {c for c, _, _ in study.sessions()}
+    missing = [(c, n) for c, n in study.missing() if c not in gone]
+    found += [f"{c}, session {n + 1}, whole: its log is missing" for c, n in missing]
+    begun |= {c for c, _ in missing}
     idle = [c for c in study.participants() if c not in begun | gone.keys()]
     found += [f"{', '.join(idle)}: no session yet"] if idle else []
     for code, number, path in study.sessions():
@@ -154,7 +159,7 @@ def omissions(study: StudyFolder) -> list[str]:
         if code in gone:
             continue
         try:
-            state = read_session(path)
+            state = study.read(code, number, path)
         except UserError as error:
             found.append(f"{where}, whole: {error.what}")
             continue
@@ -238,23 +243,26 @@ def to_bids(study: StudyFolder, out: Path, labels: bool = False) -> int:
 
 
 def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
-    runs, people, hide = 0, ["participant_id"], veil(study, labels)
+    runs, people, hide = 0, [["participant_id"]], veil(study, labels)
     simulated = study.simulated
     for new, old in new_codes(study).items():
-        people.append(f"sub-{new}")
         for code, number, path in study.sessions():
             if code == old:
                 try:
+                    study.read(code, number, path)
                     done = [t for t in traces(path) if t.samples]
                 except UserError as error:
                     study.leave_out(path, error)
                     continue
+                if not done:
+                    continue
+                people += [[f"sub-{new}"]] if people[-1] != [f"sub-{new}"] else []
                 place = out / f"sub-{new}" / f"ses-{number + 1}"
                 names = [_write_run(place, new, number + 1, t, simulated) for t in done]
                 rows = [hide(t.row) for t in done]
                 _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done, rows)
                 runs += len(done)
-    write_tsv(out / "participants.tsv", [[p] for p in people])
+    write_tsv(out / "participants.tsv", people)
     file = study.protocol.file
     about = {
         "Name": ("SIMULATED: " if simulated else "") + file.title,

@@ -26,8 +26,8 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.records import AUDIT, check_record, consent_date, lack, program, renamed
-from esea_host.study.session import StudySession, read_session, state_of
+from esea_host.study.records import AUDIT, check_record, consent_date, ends, lack, program, renamed
+from esea_host.study.session import SessionState, StudySession, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
 from esea_host.study.trust import inside, read_code
@@ -173,32 +173,45 @@ class StudyFolder:
             if now.get(name) != begun.get(name):
                 change = "added" if name not in begun else "changed" if name in now else "removed"
                 found.append(f"{name}: {change} since the study was created")
-        heads: dict[tuple[str, int], str] = {}
-        for kind, d in self.audited_anyway():
-            if kind == "session_end":
-                heads[d["participant"], d["session"]] = d["head"]
-            elif kind == "repair":  # its end may be in the part that was moved aside
-                heads.pop((d.get("participant", ""), d.get("session", 0)), None)
         found += Allocations(self.path, self.protocol, self.trail(strict=False)).problems()
         gone = self._with("delete")
         for code, session, path in self.sessions(every=True):
             log = read_log(path)
             faults = list(log.breaks)
-            if log.entries and not faults:
+            if log.entries and not faults and code not in gone:
                 try:
-                    state_of(log, path)
+                    self.read(code, session, path)
                 except UserError as error:
                     faults = [error.what.removeprefix(f"{path}: ").rstrip(".")]
-            head = heads.pop((code, session), None)
-            if head is not None and head not in {e.hash for e in log.entries}:
-                faults.append("not what it was when it ended")
             if code in gone:
                 faults.append("of a participant whose data was deleted: delete it again")
             found += [f"{path.relative_to(self.path)}: {b}" for b in faults]
-        for code, session in sorted(heads):
-            if code not in gone:
-                found.append(f"{code}, session {session + 1}: its log is missing")
-        return found
+        missing = (f"{c}, session {n + 1}: its log is missing" for c, n in self.missing())
+        return [*found, *missing]
+
+    def ends(self) -> dict[tuple[str, int], set[str]]:
+        """Of each session that has begun: the last hashes that it had whenever it ended."""
+        return ends(self.audited_anyway())
+
+    def missing(self) -> list[tuple[str, int]]:
+        """Sessions that have begun and have no log."""
+        gone = self._with("delete")
+        return sorted(k for k in self.ends() if k[0] not in gone and not self.begun(*k))
+
+    def read(self, code: str, session: int, path: Path) -> SessionState:
+        """What the log in this place says, if it is of this place and as it was when it ended."""
+        log, wrong = read_log(path).sound(path), ""
+        state = state_of(log, path)
+        if code not in self._with("enrol"):
+            wrong = f"nobody with the code {code} is enrolled"
+        elif (state.participant, state.plan.session, state.rehearsal) != (code, session, False):
+            wrong = "the log of another session"
+        elif self.ends().get((code, session), set()) - {e.hash for e in log.entries}:
+            wrong = "not what it was when it ended"
+        if wrong:
+            fix = "Restore the file from a copy; what is lost: esea-host study repair FOLDER."
+            raise UserError(f"{path}: {wrong}.", fix)
+        return state
 
     # -- people -------------------------------------------------------------------------------
 
@@ -226,7 +239,7 @@ class StudyFolder:
         codes = [codes] if isinstance(codes, str) else codes
         stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
-            if not CODE.match(code):
+            if not CODE.fullmatch(code):
                 raise UserError(
                     f"{code!r} is no participant code.",
                     "Codes are one to three capitals and two to four digits, such as P01; never a "
@@ -245,6 +258,7 @@ class StudyFolder:
             )
         given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
         with self._trail() as log:
+            self.allocations.must_not_have_made(self.by)
             known = self.participants()
             for code in codes:
                 if code in known:
@@ -297,7 +311,7 @@ class StudyFolder:
         for _, session, path in self.sessions(code):
             if before is None or session < before:
                 try:
-                    past = read_session(path).past
+                    past = self.read(code, session, path).past
                 except UserError as error:
                     if strict:
                         raise
@@ -334,7 +348,7 @@ class StudyFolder:
             index = self._must_be_here(code)
             for earlier in range(number):
                 path = self.log_of(code, earlier)
-                if not self.begun(code, earlier) or read_session(path).remaining:
+                if not self.begun(code, earlier) or self.read(code, earlier, path).remaining:
                     raise UserError(
                         f"{code} has not done session {earlier + 1}.",
                         "Sessions come in their order.",
@@ -342,6 +356,8 @@ class StudyFolder:
             log = self.log_of(code, number)
             if source is None and not self.begun(code, number):
                 raise UserError(f"{code} has not begun session {number + 1}.", "Name another one.")
+            if self.begun(code, number):
+                self.read(code, number, log)
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)

@@ -129,7 +129,7 @@ def findings(
     holders: dict[tuple[str, str], dict[str, set[str]]] = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         if path.suffix == ".parquet" or path.name.endswith(("_motion.tsv", "_channels.tsv")):
-            continue  # the same rows; numbers without a head; names and units of signals
+            continue  # looked at as rows; numbers without a head; names and units of signals
         name, text = path.relative_to(folder).as_posix(), path.read_text(encoding="utf-8")
         patterns = dict(_PATTERNS)
         for what, known in (("a participant's code", codes), ("a person of the record", people)):

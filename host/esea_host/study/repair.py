@@ -42,6 +42,11 @@ def repair(study: StudyFolder) -> list[str]:
                     who = {"participant": code, "session": number}
                     trail.append(None, "repair", entry | who)
                     said.append(_told(name, session.moved_aside))
+            hashes = {e.hash for e in session.found.entries}
+            if not session.moved_aside and study.ends().get((code, number), set()) - hashes:
+                lost = {"log": name, "participant": code, "session": number, "kept": len(hashes)}
+                trail.append(None, "repair", lost)
+                said.append(f"{name}: its end is lost; the session goes on from what is left")
             if session.moved_aside and not session.found.entries:
                 log.unlink()  # the session begins anew
     return said

@@ -11,7 +11,7 @@ from esea_gen.pages import environment
 from esea_host.study.exchange import NOBODY, omissions
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import LoggedEvent
-from esea_host.study.session import SessionState, read_session
+from esea_host.study.session import SessionState
 
 HEADS = ("who", "session", "begun", "by", "trials done", "failed", "skipped", "note")
 ACTS = ("allocate", "disclose", "unblind", "export", "repair", "delete", "takeover", "rehearsal")
@@ -67,7 +67,7 @@ def states_of(study: StudyFolder) -> dict[tuple[str, int], SessionState | UserEr
     found: dict[tuple[str, int], SessionState | UserError] = {}
     for code, number, path in study.sessions(every=True):
         try:
-            found[code, number] = read_session(path)
+            found[code, number] = study.read(code, number, path)
         except UserError as error:
             found[code, number] = error
     return found
