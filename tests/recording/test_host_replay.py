@@ -60,13 +60,13 @@ def test_every_bit_is_the_cs(recorded):
 
 def place_of(path, stream: str, tick: int, signal: str) -> int:
     """Byte of the file where a value of the last start's runs lies."""
-    file = esea_host.open_log(path).file
-    layout = file.layout(stream)
+    log = esea_host.open_log(path)
+    layout = log.layouts[stream]
     offset = layout.record_dtype.fields[signal][1]
     wanted = []
     data = path.read_bytes()
-    for piece in file.pieces:
-        rows = file.read(piece, stream)
+    for piece in log.pieces:
+        rows = log.rows_of(piece, stream)
         if rows is None:
             continue
         size = layout.record_dtype.itemsize
