@@ -135,7 +135,7 @@ def export(
     out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
     if found := _identifying(study, to):
         out.print(f"Before you share it: study export {folder} --check has {len(found)} findings.")
-    if study.left_out:
+    if study.left_out or study.missing():
         raise typer.Exit(1)
 
 

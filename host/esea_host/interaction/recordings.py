@@ -213,8 +213,10 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
                 )
             )
     if not tasks:
+        known = ", ".join(left_out) or "nobody is there"
         raise UserError(
-            f"{folder}: nobody has both elements in any task.", "Add the missing recordings."
+            f"{folder}: nobody has both elements in any task: {known}.",
+            "Add the missing recordings.",
         )
     # A comment is no data; a simulated recording begins with one.
     cut = [t.report() for t in tables if any("comment line" not in x for x in t.left_out)]

@@ -24,7 +24,7 @@ from esea_host.study.log import LoggedEvent, read_log, well_formed
 from esea_host.study.plan import PlannedTrial, plan_from
 from esea_host.study.privacy import LEFT_OUT, export_codes, keyed
 from esea_host.study.protocol import group_decides
-from esea_host.study.session import COMPLETED, PENDING, state_of
+from esea_host.study.session import COMPLETED, PENDING, RUNNING, state_of
 from esea_host.study.task import Row, task_named
 
 # What BIDS calls a channel's kind, and its unit, by the end of our names.
@@ -166,7 +166,8 @@ def omissions(study: StudyFolder) -> list[str]:
         for trial in state.plan.trials:
             now = state.states[trial.number]
             if now not in (COMPLETED, PENDING):
-                why = state.reasons.get(trial.number) or "no reason was given"
+                no_reason = "not over yet" if now == RUNNING else "no reason was given"
+                why = state.reasons.get(trial.number) or no_reason
                 found.append(f"{where}, trial {trial.number} {now}: {why}")
         if pending := sum(s == PENDING for s in state.states.values()):
             found.append(f"{where}: {pending} of {len(state.plan.trials)} trials were not run")
