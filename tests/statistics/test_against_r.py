@@ -5,7 +5,6 @@ Base R and nlme, with R's own function where there is one, else enumeration or i
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 
 import numpy as np
@@ -22,12 +21,9 @@ from esea_host.statistics import (
     signed_rank,
     standardised_difference,
 )
+from tests.conftest import require_tool
 
-RSCRIPT = shutil.which("Rscript")
-pytestmark = [
-    pytest.mark.ci,
-    pytest.mark.skipif(RSCRIPT is None, reason="needs R (Rscript) with its package nlme"),
-]
+pytestmark = pytest.mark.ci
 
 FUNCTIONS = """
 suppressPackageStartupMessages(library(nlme)); options(warn = -1)
@@ -160,9 +156,8 @@ def test_every_function_against_r(tmp_path):
     program = tmp_path / "all.R"
     lines = [f'cat(sprintf("%.17g", {text}), "\\n")' for _, text in found]
     program.write_text("\n".join([FUNCTIONS, *lines]))
-    run = subprocess.run([RSCRIPT, program], capture_output=True, text=True, check=False)
-    if "nlme" in run.stderr and not run.stdout:
-        pytest.skip(f"R without nlme: {run.stderr.strip()}")
+    command = [require_tool("Rscript"), program]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     theirs = run.stdout.splitlines()
     assert len(theirs) == len(found) > 700
