@@ -25,36 +25,16 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import parse_protocol
 from esea_host.study.session import read_session
 from tests.assess.test_assess import made_up
+from tests.assess.test_assess_tasks import PROTOCOL
 from tests.conducted import Stepped, headless
 from tests.conftest import ROOT, require_tool
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 pytestmark = pytest.mark.ci
 HOST = ROOT / "host" / "esea_host"
-KNEE = """
-schema = 1
-name = "small"
-title = "A small visit"
-seed = 3
-language = "de"
-[[session]]
-name = "visit"
-[[session.block]]
-name = "pendulum"
-task = "knee-pendulum"
-parameters = {{ seconds = 6.0 }}
-trials = [{{ repeat = 2 }}]
-[[session.block]]
-name = "range"
-task = "knee-range"
-parameters = {{ seconds = 10.0, period_s = 7.0, low_deg = 30.0, high_deg = 80.0 }}
-trials = [{{ repeat = 1 }}]
-[[session.block]]
-name = "probing"
-task = "knee-probe"
-parameters = {{ database = "{base}", simulated = "S3", high_deg = 120.0 }}
-trials = [{{ repeat = 2 }}]
-"""
+KNEE = PROTOCOL.replace("seed = 3", 'seed = 3\nlanguage = "de"').replace(
+    "repeat = 1", "repeat = 2", 1
+)
 # A process that dies at a chosen step of a session in its windows, as by a power cut.
 DYING = """
 import os, signal, sys
