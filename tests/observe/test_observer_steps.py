@@ -1,4 +1,4 @@
-"""The observers typed a second time in NumPy, from the equations of docs/observers.md."""
+"""The observers typed a second time in NumPy, from the equations of docs/control.md."""
 
 from __future__ import annotations
 
