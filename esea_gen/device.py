@@ -202,7 +202,7 @@ def _named_law(law: object, file: str) -> Law:
     # A file names shipped laws only: it runs no code of its own.
     if law not in LAWS:
         raise UserError(f"{file}: laws names {law!r}.", f"Choose from {', '.join(LAWS)}.")
-    return LAWS[str(law)]
+    return find_law(str(law))
 
 
 def parse_device(text: str, origin: str) -> Device:
