@@ -20,6 +20,7 @@ from pydantic import BaseModel
 
 from esea_gen.devices.checks import check_content
 from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
+from esea_gen.devices.drive_relations import tell_of_drive
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, SCHEMA, DeviceFile
 from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of, toml_entry
 from esea_gen.devices.rubber import Elastomer
@@ -186,6 +187,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
         tell_of_gains(origin, document, _shipped("disturbance"))
     else:
         tell_of_bandwidth(origin, document, _shipped("velocity"))
+    tell_of_drive(origin, file)
     return file
 
 
@@ -203,6 +205,9 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             f"Shipped: {', '.join(sorted(shipped))}.",
         )
     below = _with_controllers(_resolved(*read_file(base)), controllers)
+    # A zero belongs to one machine's encoder: another one has none until it is calibrated.
+    for side in below.get("encoder", {}).values():
+        side.pop("zero_rad", None)
     return _merged(below, document)
 
 
@@ -306,4 +311,5 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
         return number.model_copy(update={"status": "assumed", "source": source})
 
     title = f"{name}: new device, all numbers copied from {base.name}"
-    return changed(base.file.model_copy(update={"name": name, "title": title}), assumed)
+    update = {"name": name, "title": title, "encoder": base.file.encoder.unzeroed()}
+    return changed(base.file.model_copy(update=update), assumed)
