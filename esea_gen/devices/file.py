@@ -24,6 +24,7 @@ from esea_gen.devices.drive_relations import tell_of_drive
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, SCHEMA, DeviceFile
 from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of, toml_entry
 from esea_gen.devices.rubber import Elastomer
+from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
@@ -195,7 +196,13 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
     document = parse_toml(text, origin, "the shipped elbow.toml")
     base, controller = document.pop("extends", None), document.pop("controller", None)
+    scaled = document.pop("scaled", False)
     controllers = () if controller is None else (str(controller),)
+    if not isinstance(scaled, bool) or (scaled and base is None):
+        raise UserError(
+            f"{origin}: scaled = {scaled!r}{'' if base else ' without extends'}.",
+            'Write scaled = true beside extends = "elbow_drive", or take it out.',
+        )
     if base is None:
         return _with_controllers(document, controllers)
     shipped = shipped_devices()
@@ -208,7 +215,8 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
     # A zero belongs to one machine's encoder: another one has none until it is calibrated.
     for side in below.get("encoder", {}).values():
         side.pop("zero_rad", None)
-    return _merged(below, document)
+    merged = _merged(below, document)
+    return scaled_to(merged, document, below, base) if scaled else merged
 
 
 @cache
