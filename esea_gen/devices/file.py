@@ -305,7 +305,8 @@ def _fix(problem: Problem) -> str | UserError:
     return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
 
 
-def copied_file(base: DeviceData, name: str) -> DeviceFile:
+def check_new_name(name: str) -> None:
+    """Reject a name that a device of one's own cannot have."""
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
@@ -313,6 +314,10 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
         )
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
+
+
+def copied_file(base: DeviceData, name: str) -> DeviceFile:
+    check_new_name(name)
 
     def assumed(number: Quantity | Series) -> Quantity | Series:
         source = f"copied from {base.name}: {number.source}"
