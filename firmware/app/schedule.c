@@ -75,9 +75,9 @@ static void supervise(esea_app_t *app)
         (void)esea_app_event(app, ESEA_EVENT_LINK_LOST);
     if (ends(&motion->deadline_left))
         (void)esea_app_event(app, ESEA_EVENT_EXPIRED);
-    if (app->state == ESEA_STATE_LETTING_GO) {
+    if (app->state == ESEA_STATE_LETTING_GO || app->state == ESEA_STATE_STOPPING) {
         esea_link_fade(&motion->wanted, motion->fade_from_Nm,
-                (float)motion->fade_left / (float)esea_ticks(ESEA_FADE_MS));
+                (float)motion->fade_left / (float)esea_fade_ticks(app));
         if (ends(&motion->fade_left))
             (void)esea_app_event(app, ESEA_EVENT_FADED);
     }
@@ -87,7 +87,7 @@ static void supervise(esea_app_t *app)
 static void tell_limits(esea_app_t *app)
 {
     esea_motion_t *const motion = &app->motion;
-    const bool on = app->state == ESEA_STATE_ACTIVE || app->state == ESEA_STATE_LETTING_GO;
+    const bool on = esea_state_drives(app->state) && app->state != ESEA_STATE_ARMED;
     /* Without a motor nothing is armed; limits may stand before a torque that others follow. */
     const bool may = ESEA_LINK_AXES > 0u ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
 

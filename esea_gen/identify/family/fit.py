@@ -257,9 +257,9 @@ def _temperatures(recordings: Sequence[Recording]) -> Array:
 
 
 def member_spread(
-    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
-) -> tuple[dict[int, float], LeftOut]:
-    """Standard deviations of the weights above 0, by place among the terms."""
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember, full_scale_Nm: float
+) -> tuple[dict[int, float | None], LeftOut]:
+    """Standard deviations of the weights above 0, by place among the terms; None: at its bound."""
     # Which terms carry torque is taken as it was found. With a factor of temperature its ``per_K``
     # is the last parameter of what leaving out says.
     used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
@@ -270,7 +270,11 @@ def member_spread(
             low[place] = -fitted.weights_Nm[i]
     room = low, np.full(len(low), np.inf)
     found = resampled(basis, residual, weight, rows, whole_conditions(recordings), room)
-    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
+    sigma: dict[int, float | None] = {}
+    for i, one in zip(used, found.sigma[: len(used)].tolist(), strict=True):
+        floor = _floor(fitted.member, i, full_scale_Nm)
+        sigma[i] = None if 0 < fitted.weights_Nm[i] <= floor * (1 + 1e-9) else one
+    return sigma, found
 
 
 def _fitted_rows(
