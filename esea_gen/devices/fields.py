@@ -120,6 +120,13 @@ class Encoder(Section):
     motor: EncoderSide | None = table("The one on the motor's side.")
     load: EncoderSide | None = table("The one on the load's side.")
 
+    def unzeroed(self) -> Encoder:
+        """The same encoders on another machine, where nobody has zeroed them yet."""
+        sides = {"motor": self.motor, "load": self.load}
+        return self.model_copy(
+            update={n: e and e.model_copy(update={"zero_rad": None}) for n, e in sides.items()}
+        )
+
 
 class Inverse(Section):
     """Inverse of the elastomer model: which one turns a desired torque into a deflection."""
@@ -152,6 +159,9 @@ class Actuator(Section):
     omega_max_rad_s: Quantity = number(1e-2, 1000, "Largest plausible |motor side's speed|.")
     encoder_bits: Quantity = number(
         8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
+    )
+    rotor_kgm2: Quantity | None = optional(
+        1e-9, 1, "Rotor's inertia from its data sheet; checks J_kgm2, and nothing computes with it."
     )
     # What a recording of the drive tells beside these; no controller computes with it.
     stribeck_Nm: Quantity | None = optional(
