@@ -190,6 +190,7 @@ def sourced_device(
     """Parameters that say where they come from and how sure they are; then the usual checks."""
     where = origin_of(source, files_of(recordings))
     timed = all(r.timed for r in recordings)
+
     def described(key: str, value: float) -> Quantity:
         if key == "eps2":
             text = "fixed: A, eps1, B and eps2 may all be multiplied by one number"
