@@ -21,7 +21,8 @@ MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
 TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
 
 
-LAW_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
+# A shipped law, or one of a Python file in the device file's folder.
+LAW_PATTERN = r"^([a-z][a-z0-9_]{0,14}|[^:\x00-\x1f]+\.py:[A-Za-z_][A-Za-z0-9_]*)$"
 MOST_LAWS = 8
 # Sections that laws take their numbers from, with what else of the file they need.
 LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
@@ -401,7 +402,8 @@ class DeviceFile(Section):
         default=(),
         max_length=MOST_LAWS,
         description="Control laws of a device with a drive, the first one in force after the "
-        "start; predictive where the file has that section, else sliding_mode, when left out.",
+        "start; predictive where the file has that section, else sliding_mode, when left out.  "
+        "One of your own is written FILE.py:LAW.",
     )
     elastomer: Elastomer | None = table(
         "Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
