@@ -174,5 +174,5 @@ class CommissioningRecord:
             entry = self.last(name, digest)
             word = "not done" if entry is None else "passed" if entry["passed"] else "FAILED"
             kind = " (simulated)" if entry is not None and entry["simulated"] else ""
-            lines.append(f"  {name:10}{title:34}{word}{kind}")
+            lines.append(f"  {name:12}{title:34}{word}{kind}")
         return lines

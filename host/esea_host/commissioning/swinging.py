@@ -148,7 +148,7 @@ class _Rows:
 
 
 def _fitted(rows: Sequence[_Rows], tick_s: float) -> tuple[LeastSquares, LeastSquares, float]:
-    # Of the sensor's torque, and of the motor's on the sensor's; and the gain.
+    # Of the sensor's torque, and of the motor's on what the first makes of the masses; the gain.
     counts = [len(r.angle) for r in rows]
     each = EVERY * tick_s
     blocks = np.concatenate(
@@ -170,7 +170,7 @@ def _fitted(rows: Sequence[_Rows], tick_s: float) -> tuple[LeastSquares, LeastSq
         gain = float(np.hypot(*sensor.values[2:4]))
     drive = np.vstack([r.drive for r in rows])
     motor = fit_linear(
-        np.column_stack([shown, drive, np.ones(len(shown))]),
+        np.column_stack([np.vstack(bodies) @ sensor.values[2:] / gain, drive, np.ones(len(shown))]),
         np.concatenate([r.motor for r in rows]),
         blocks,
     )
@@ -190,7 +190,7 @@ def judged_swings(device: Device, swings: Sequence[SwungMass], hangs_rad: float)
     loss, offset, along, across, common, rate = (float(x) for x in sensor.values[:6])
     tilt_deg = math.degrees(math.atan2(across, along))
     weight_Nm, damping = common / gain, rate / gain
-    per_sensor = float(motor.values[0])
+    per_known = float(motor.values[0])
     found = {
         "gain": gain,
         "gain_half_interval": sensor.estimates()[2].half,
@@ -199,8 +199,8 @@ def judged_swings(device: Device, swings: Sequence[SwungMass], hangs_rad: float)
         "weight_not_stated_Nm": weight_Nm,
         "hangs_deg": math.degrees(hangs_rad) - tilt_deg,
         "damping_Nms_rad": damping,
-        "motor_over_known": per_sensor * gain,
-        "motor_over_sensor": per_sensor,
+        "motor_over_known": per_known,
+        "motor_over_sensor": per_known / gain,
         "left_rms_Nm": sensor.rms,
     }
     moved = zip(rows, sensor.values[6:] / gain, strict=True)
