@@ -308,6 +308,16 @@ class Redundancy(Section):
     rate_1_s: Quantity = number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
+class Monitor(Section):
+    """What a sound encoder and a sound loop do not do; the limits latch where one does it."""
+
+    noise_rad: Quantity = number(0, 0.1, "Noise of a sound joint encoder, effective value.")
+    window_s: Quantity = number(1e-2, 10, "Time over which an angle's roughness is averaged.")
+    swings_1_s: Quantity = number(
+        1, 1000, "Swings of the command from limit to limit in a second that are too many."
+    )
+
+
 class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
@@ -418,6 +428,10 @@ class DeviceFile(Section):
     redundancy: Redundancy | None = table(
         "Comparison of all encoders and the motor's torque; left out, a joint encoder "
         "that is wrong but plausible is not found."
+    )
+    monitor: Monitor | None = table(
+        "Roughness and stuck bits of the joint encoders, and a motor that swings between its "
+        "limits; left out, none of these is found by itself."
     )
     passivity: PassiveInteraction | None = table(
         "Damping that a law lacks, and a bound of the energy that the drive gives; "
