@@ -15,6 +15,7 @@ where = np.where
 SIGMA = 0.00105 * 4096 / (2 * math.pi)  # of the device file, in counts of 12 bits
 LARGEST = math.sqrt(4 + 6 * (2 * SIGMA) ** 2)
 ROOM = np.array([22.0, 22, 22, 22, 34, 66])[:, None]
+U = 0.221
 NONE, SWINGS, ROUGH, STUCK = range(4)
 
 
@@ -58,7 +59,8 @@ def test_a_step_of_the_monitor(drive):
         names = ("last", "step", "mean", "rough", "bits", "moved")
         values = (count, now, mean, loud, ones, moved)
         expected |= {f"next_{side}_{n}": v for n, v in zip(names, values, strict=True)}
-    at = np.sign(u.u_command_Nm) * (abs(u.u_command_Nm) > 0.9 * 0.221)
+    followed = np.clip(np.clip(u.u_command_Nm, s.u_last_Nm - 0.05, s.u_last_Nm + 0.05), -U, U)
+    at = np.sign(followed) * (abs(followed) > 0.9 * U)
     swings = s.swings * math.exp(-1e-3) + where(at * s.limit_last < -0.5, 1 / 25, 0)
     doubt = np.select(
         [stuck["motor"] | stuck["load"], rough["motor"] | rough["load"], swings > 1],
@@ -68,6 +70,7 @@ def test_a_step_of_the_monitor(drive):
         expected
         | {
             "next_followed": good,
+            "next_u_last_Nm": followed,
             "next_limit_last": where(at == 0, s.limit_last, at),
             "next_swings": swings,
             "y_doubt": doubt,

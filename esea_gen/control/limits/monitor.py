@@ -12,10 +12,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.safety import command_range
+from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Constant, Flag, Port, around, clip, status_port
+from esea_gen.language.ports import (
+    Array,
+    Constant,
+    Flag,
+    Port,
+    around,
+    clip,
+    status_port,
+    threshold,
+)
 from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, SIDES, Side, step_max_counts
 from esea_gen.model.sections import section_of
@@ -68,8 +77,9 @@ class _Monitor:
         self.watched = {side: _Watched(device, side, own.noise_rad.value) for side in SIDES}
         self.share = 1 - math.exp(-self.h / own.window_s.value)
         self.decay, self.swing = math.exp(-self.h / SWING_S), 1 / own.swings_1_s.value
-        assert device.file.safety is not None
-        self.full_Nm = FULL * device.file.safety.u_max_Nm.value
+        safety, *_ = safety_sections(device)
+        self.u_max = threshold(safety.u_max_Nm.value)
+        self.u_step = threshold(safety.u_rate_Nm_s.value * self.h)
         self.name = "monitor"
         self.title = "Whether joint encoders and motor behave as sound ones do"
         self.equations = equations(EQUATIONS)
@@ -82,7 +92,8 @@ class _Monitor:
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             Port("followed", 0.0, 1.0, "1 when the last frames were good"),
-            Port("limit_last", -1.0, 1.0, "limit at which the motor was last"),
+            around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
+            Port("limit_last", -1.0, 1.0, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
             *(p for side in SIDES for p in self._memory(side)),
         )
@@ -133,13 +144,16 @@ class _Monitor:
             next_state |= own
             stuck.append(label(f"{side}_stuck", bit, "[mon 4]"))
             rough.append(label(f"{side}_is_rough", loud, "[mon 2]"))
-        at = ca.if_else(u.u_command_Nm > self.full_Nm, 1.0, 0.0)
-        at = ca.if_else(u.u_command_Nm < -self.full_Nm, -1.0, at)
+        followed = clip(u.u_command_Nm, s.u_last_Nm - self.u_step, s.u_last_Nm + self.u_step)
+        followed = label("u_followed_Nm", clip(followed, -self.u_max, self.u_max))
+        at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
+        at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
         swings = s.swings * self.decay + ca.if_else(swung, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
         next_state |= {
             "followed": good,
+            "u_last_Nm": followed,
             "limit_last": ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last),
             "swings": swings,
         }
