@@ -24,6 +24,7 @@ FIGURES = (
     "unstable",
     "tripped",
     "fault",
+    "fault_reason",
     "limited_share",
     "command_above_20Hz_Nm",
     "noise_above_5Hz_Nm",
@@ -117,6 +118,8 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
         **roughness(u, true[w], run.controller["limits_status"][w]),
     }
+    if (latched := np.flatnonzero(run.controller["fault"][w])).size:
+        out["fault_reason"] = float(run.controller["fault"][w][latched[0]])
     if run.missed_runs:
         out["missed_runs"] = float(run.missed_runs)
     if case.mode == IMPEDANCE:

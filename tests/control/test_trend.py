@@ -96,7 +96,7 @@ def held(tmp_path):
         'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
         '[predictive]\nfuture = "held"\n'
     )
-    for key, value in controller_document("mpc")["predictive"].items():
+    for key, value in controller_document("mpc-no-preview")["predictive"].items():
         if key != "future":
             text += f'{key} = {{ value = {value["value"]}, status = "assumed", source = "test" }}\n'
     path = tmp_path / "held.toml"
@@ -116,7 +116,7 @@ def test_extrapolation_is_the_default_when_no_future_is_given():
 def test_the_tuning_case_is_followed_without_a_future():
     require_tool("gcc")
     path = tuning()
-    run = run_case(Case("tuning", path), Setting("mpc"), 0)
+    run = run_case(Case("tuning", path), Setting("mpc-no-preview"), 0)
     error = (run.plant["tau_e_Nm"] - path.tau_desired_Nm)[path.window]
     # Held still it was 0.378; with the true future it is 0.040.
     assert np.sqrt(np.mean(error**2)) < 0.043
@@ -127,10 +127,10 @@ def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
     require_tool("gcc")
     wanted = np.where(np.arange(2500) >= 1000, 0.5, 0.0)
     case = Case("step", fixed_output("step", wanted, 1000))
-    runs = [run_case(case, Setting(c), 0) for c in ("mpc", held(tmp_path))]
+    runs = [run_case(case, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])
     assert 0 < runs[0].plant["tau_e_Nm"][1000:].max() - 0.5 < 0.1
     # Armed: they differ as soon as the torque moves on.
     moving = Case("ramp", fixed_output("ramp", np.clip(np.arange(2500) / 1000 - 1, 0, 1), 1000))
-    runs = [run_case(moving, Setting(c), 0) for c in ("mpc", held(tmp_path))]
+    runs = [run_case(moving, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert not np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])

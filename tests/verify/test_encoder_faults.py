@@ -20,6 +20,7 @@ from tests.benchmarks.encoder_faults import AT_S, CASES, quiet
 from tests.cli.test_cli import run as run_cli
 from tests.conftest import ROOT, require_tool, without
 
+SIMULATE = ("simulate", "--controller", "smc")
 PAGE = ROOT / "docs" / "limits.md"
 
 

@@ -129,7 +129,9 @@ def demo(
     out.print(f"{done.report}: simulated torque error {done.rms_error_Nm:.3f} Nm rms")
     named = zip(ROUGH_HEADS, rough_cells(done.roughness), strict=True)
     out.print("roughness: " + ", ".join(f"{head} {cell}" for head, cell in named))
-    if not v.same:
+    if done.fault:
+        out.print(f"the board latched a fault: {done.fault.partition(' Cure:')[0]}")
+    if done.fault or not v.same:
         raise typer.Exit(1)
 
 
