@@ -56,7 +56,7 @@ static void enter(esea_app_t *app, ESEA_STATE from)
     if (app->state == ESEA_STATE_LETTING_GO || app->state == ESEA_STATE_STOPPING) {
         const esea_link_outcome_t outcome = esea_link_outcome(app->out);
 
-        motion->fade_left = esea_fade_ticks(app);
+        motion->fade_left = esea_ticks(app->state == ESEA_STATE_STOPPING ? ESEA_STOP_OFF_MS : ESEA_FADE_MS);
         memcpy(motion->fade_from_Nm, outcome.tau_set_Nm, sizeof motion->fade_from_Nm);
     }
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&

@@ -245,10 +245,5 @@ static inline uint32_t esea_ticks(uint32_t ms)
     return ticks > 0u ? ticks : 1u;
 }
 
-/* Base ticks in which the torque fades in this state: a count, whatever the drive does. */
-static inline uint32_t esea_fade_ticks(const esea_app_t *app)
-{
-    return esea_ticks(app->state == ESEA_STATE_STOPPING ? ESEA_STOP_FADE_MS : ESEA_FADE_MS);
-}
 
 #endif

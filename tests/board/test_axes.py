@@ -96,22 +96,24 @@ def test_an_axis_whose_limits_do_not_release_holds_the_other(wrist):
 
 
 @pytest.mark.parametrize(
-    ("ask", "time", "after"), [("disarm", "FADE", "READY"), ("stop", "STOP_FADE", "STOPPED")]
+    ("ask", "time", "off", "after"),
+    [("disarm", "FADE", "FADE", "READY"), ("stop", "STOP_FADE", "STOP_OFF", "STOPPED")],
 )
-def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, after):
+def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, off, after):
     wanted = {"tau_desired_flexion_Nm": 0.02, "tau_desired_deviation_Nm": -0.01}
-    half = TIMES_MS[time][0] // 2
+    fade_ms, off_ms = TIMES_MS[time][0], TIMES_MS[off][0]
     active(wrist, **wanted)
     for _ in range(20):  # until it has come in whole
         wrist.want(mode=1.0, **wanted)
         wrist.ticks(50)
         assert wrist.state_now == "ACTIVE", wrist.lib.sim_fault()
     getattr(wrist, ask)()
-    wrist.ticks(half - 1)
-    for name, torque_Nm in wanted.items():
+    wrist.ticks(fade_ms // 2 - 1)
+    for name, torque_Nm in wanted.items():  # each look takes a tick
         assert told(wrist, name) == pytest.approx(torque_Nm / 2, rel=0.03)
-    wrist.ticks(half - 2)  # each look took a tick
-    assert wrist.motor_on
+    wrist.ticks(off_ms - fade_ms // 2 - 4)
+    left = [told(wrist, name) for name in wanted]
+    assert (any(left), wrist.motor_on) == (ask == "disarm", True)
     wrist.ticks(1)
     assert (wrist.state_now, wrist.motor_on) == (after, False)
 

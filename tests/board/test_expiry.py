@@ -156,7 +156,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
             board.ticks(5)
         assert (board.state_now, expired(board)) == ("ACTIVE", 0)
         board.stop()
-        board.ticks(TIMES_MS["STOP_FADE"][0])
+        board.ticks(TIMES_MS["STOP_OFF"][0])
         board.release()
 
 

@@ -293,10 +293,12 @@ def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
     stranger = armed.dialect.MAVLink(None, 42, 1)
     message = armed.message("COMMAND_LONG", 7, 9, armed.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
     armed.send_bytes(message.pack(stranger))
-    assert armed.state_now == {"FAULT": "FAULT", "ACTIVE": "STOPPING", "LETTING_GO": "STOPPING"}.get(
-        state, "STOPPED"
-    )
-    armed.ticks(1 if armed.state_now != "STOPPING" else TIMES_MS["STOP_FADE"][0])
+    assert armed.state_now == {
+        "FAULT": "FAULT",
+        "ACTIVE": "STOPPING",
+        "LETTING_GO": "STOPPING",
+    }.get(state, "STOPPED")
+    armed.ticks(1 if armed.state_now != "STOPPING" else TIMES_MS["STOP_OFF"][0])
     assert armed.state_now == ("FAULT" if state == "FAULT" else "STOPPED")
     assert armed.motor == (False, 0.0)
     with pytest.raises(LinkError, match="does not arm"):
@@ -326,7 +328,7 @@ def test_a_released_stop_restores_nothing(armed):
     armed.ticks(3)
     with pytest.raises(LinkError, match="does not release the stop now: it is STOPPING"):
         armed.release()
-    armed.ticks(TIMES_MS["STOP_FADE"][0])
+    armed.ticks(TIMES_MS["STOP_OFF"][0])
     armed.release()
     assert armed.state_now == "READY"
     armed.ticks(200)
@@ -339,7 +341,7 @@ def test_a_released_stop_restores_nothing(armed):
 
 def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
     """A repeated frame is not a second stop; an open line and a fault are not waited for."""
-    fade, line = TIMES_MS["STOP_FADE"][0], armed.lib.sim_stop_line
+    off, line = TIMES_MS["STOP_OFF"][0], armed.lib.sim_stop_line
 
     def stop_again(confirmation: int) -> None:
         command = armed.dialect.MAV_CMD_USER_4
@@ -365,7 +367,7 @@ def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
         deed()
         armed.ticks(4 if how == "sensing" else 1)
         assert (armed.state_now, armed.motor[0]) == (after, after == "STOPPING"), how
-        armed.ticks(fade - 12 if after == "STOPPING" else 0)
+        armed.ticks(off - 12 if after == "STOPPING" else 0)
         assert (armed.state_now == "STOPPING") == (after == "STOPPING"), how
         armed.ticks(1)
         assert armed.motor == (False, 0.0)

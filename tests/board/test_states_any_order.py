@@ -60,7 +60,7 @@ class Person:
         if after not in TORQUE or after == "ARMED":
             self.mode_on, self.deadline = False, 0
         if after in ("LETTING_GO", "STOPPING"):
-            self.fade = TIMES_MS["FADE" if after == "LETTING_GO" else "STOP_FADE"][0]
+            self.fade = TIMES_MS["FADE" if after == "LETTING_GO" else "STOP_OFF"][0]
         if after == "ZEROING":
             self.referenced, self.still = False, TIMES_MS["ZEROING"][0]
 
