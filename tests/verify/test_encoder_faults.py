@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pytest
 
+from esea_gen.control.limits.faults import Fault
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
@@ -83,6 +84,12 @@ def test_what_each_kind_makes_of_the_angle(sound):
         0.5 * (theta - theta[0]), abs=2 * 2 * np.pi / 4096
     )
     assert np.ptp(theta) > 0.02
+    for kind, bit in (("zero", 0), ("one", 1)):
+        stuck = run(f"{kind}:load@4=5").plant["count_load"].astype(int)[after]
+        assert set(stuck >> 5 & 1) == {bit}
+        assert set((stuck ^ truth[after].astype(int)) & ~32) == {0}
+    noisy = moved(run("noise:load@4=0.01").plant["count_load"][4000:4010], truth[4000:4010], 4096)
+    assert 2 < np.std(noisy) * 2 * np.pi / 4096 / 1e-3 < 20
     both = run("freeze:both@4").plant
     for name in ("count_load", "count_motor"):
         assert len(set(both[name][4000:])) == 1
@@ -98,6 +105,8 @@ def test_what_each_kind_makes_of_the_angle(sound):
         ("freeze:load@4=1", "has no amount"),
         ("slip:load@4=inf", "not a number from -10 to 10"),
         ("slip:load@-1", "not a number from 0"),
+        ("one:load@4=1.5", "whole"),
+        ("zero:load@4=-1", "not a number from 0 to 23"),
     ],
 )
 def test_what_is_no_fault_is_refused(text, said):
@@ -105,6 +114,8 @@ def test_what_is_no_fault_is_refused(text, said):
         parse_fault(text)
     assert str(parse_fault("drift:gear@2=0.1")) == "drift:gear@2=0.1"
     assert str(parse_fault("freeze:both@2")) == "freeze:both@2"
+    with pytest.raises(UserError, match="count_load has 12 bits"):
+        run("one:load@4=12")
 
 
 # -- its figures, on a run made by hand ------------------------------------------------------------
@@ -188,6 +199,25 @@ def test_the_pages_bounds_hold_in_closed_loop(fault, controller):
     assert figures["peak_torque_Nm"] <= float(peak) + 0.05
     assert figures["energy_J"] <= float(energy) + 0.05
     assert not found.startswith("0")
+
+
+@pytest.mark.parametrize("controller", ["smc", pytest.param("mpc", marks=pytest.mark.ci)])
+@pytest.mark.parametrize(
+    ("fault", "reason", "ticks"),
+    [
+        ("one:load@4=3", Fault.STUCK_BIT, 50),
+        ("zero:load@4=4", Fault.STUCK_BIT, 50),
+        ("zero:motor@4=2", Fault.STUCK_BIT, 50),
+        ("noise:load@4=0.008", Fault.ROUGH, 15),
+        ("noise:motor@4=0.004", Fault.ROUGH, 50),
+    ],
+)
+def test_a_stuck_bit_and_noise_are_found_before_they_push(fault, reason, ticks, controller):
+    for case, wanted_Nm in (("0 Nm", 0.0), ("2 Nm", 2.0)):
+        figures = fault_figures(run(fault, case=case, controller=controller), parse_fault(fault))
+        assert figures["detected_fault"] == reason
+        assert figures["detected_ticks"] <= ticks
+        assert figures["torque_then_Nm"] <= wanted_Nm + 0.5
 
 
 def test_without_the_comparison_a_frozen_encoder_is_not_found(tmp_path):
