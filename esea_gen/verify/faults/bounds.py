@@ -12,6 +12,7 @@ from esea_gen.errors import UserError
 from esea_gen.model.encoder import HELD_MAX
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import WANTED_EVERY
+from esea_gen.verify.faults.subjects import CLAMPED
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,10 @@ class LimbEnvelope:
 
 
 # A controller that is stuck at full torque trips at 8 Nm and runs out to 12.9 Nm, sensors sound:
-# docs/limits.md, tests/control/test_limits_accidents.py.  Nothing else may be worse.
+# docs/limits.md, tests/control/test_limits_accidents.py.  Nothing else may be worse for people up
+# to 60 Nm/rad.  Who is stiffer and goes on, pushes a drive that is off; a clamp does not give.
 RUN_OUT = 1.65
+PUSHED_NM = {"120 Nm/rad": 20.0, "250 Nm/rad": 30.0, CLAMPED: 24.0}
 
 
 def envelope(device: Device) -> LimbEnvelope:
