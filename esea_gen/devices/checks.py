@@ -238,6 +238,7 @@ EXTEND = 'Add it, or write extends = "elbow_drive" and give what differs.'
 # What a section does, and which others it does it with.
 NEEDS = {
     "redundancy": ("compares the drive with the joint", ("actuator", "joint")),
+    "monitor": ("watches a drive's encoders and command", DRIVE),
     "passivity": ("bounds what a drive gives", DRIVE),
     "adaptation": ("turns what a drive is asked for", DRIVE),
     "cable": ("goes with the motor's own encoder", ("redundancy",)),

@@ -13,7 +13,7 @@ from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing,
 from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
-from esea_gen.identify.published.fit import Fit, Progress, search
+from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels, search
 from esea_gen.identify.published.plant import FittedPlant, Uncertainty
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.published.space import EPS2_DEFAULT, Space, at_bound, place_of
@@ -190,6 +190,7 @@ def sourced_device(
     """Parameters that say where they come from and how sure they are; then the usual checks."""
     where = origin_of(source, files_of(recordings))
     timed = all(r.timed for r in recordings)
+
     def described(key: str, value: float) -> Quantity:
         if key == "eps2":
             text = "fixed: A, eps1, B and eps2 may all be multiplied by one number"
@@ -231,6 +232,16 @@ def searched(
         max(float(r.time_s[-1]) for r in recordings),
     )
     return space, rate
+
+
+def published_channels(
+    source: MappingFile, recordings: list[Recording], how: Searching | None
+) -> PublishedChannels:
+    """The published model, by which a lag, a backlash or a dead zone is fitted."""
+    template = draft(source, recordings, source.mapping.device.rate_terms)
+    asked = source.mapping.search
+    space, rate = searched(source, template, recordings)
+    return PublishedChannels(template, space, rate, asked.seed, asked.population, how)
 
 
 def fit_split(

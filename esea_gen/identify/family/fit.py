@@ -48,6 +48,8 @@ PATHS = (0.03, 0.1, 0.3, 1.0, 3.0)
 TIMES_s = (3.0, 30.0, 300.0)
 QUICK_s = (0.1, 0.3, 1.0, 3.0, 30.0)
 TURNING_s = (0.03, 0.1, 0.3, 1.0)
+# Slower motion sees a viscosity in these times, and dry friction in these paths.
+VISCOUS_s, DRY = (0.003, 0.01, *TURNING_s), (0.003, 0.01, *PATHS)
 FRACTIONAL_s = tuple(10 ** (-1 + 4 * k / 7) for k in range(8))
 EXPONENT = 0.2
 
@@ -71,6 +73,8 @@ def members() -> tuple[Member, ...]:
     offset = Term("offset")
     quick = [Term("maxwell", q, (t,)) for q in (LINEAR, CUBIC) for t in QUICK_s]
     friction = [*bent, *stops[len(odd) :], *quick, offset]
+    dry = odd + [Term("slip", LINEAR, (p,)) for p in DRY]
+    viscous = dry + [Term("maxwell", LINEAR, (t,)) for t in VISCOUS_s]
     # Friction that turns back otherwise at the two ends of a stroke.
     ends = [Rise("power", 1, "positive"), Rise("power", 1, "negative")]
     turning = [Term("maxwell", q, (t,)) for q in ends for t in TURNING_s]
@@ -90,6 +94,7 @@ def members() -> tuple[Member, ...]:
         Member(
             "stops, sides, offset", "stops, Maxwell each side, offset", (*stops, *turning, offset)
         ),
+        Member("slips, viscous", "fine slips and quick Maxwell branches", tuple(viscous)),
         Member("Maxwell", "bent springs and Maxwell branches", tuple(maxwell)),
         Member("fractional", "bent springs and a fractional element", tuple(fractional)),
         Member("Maxwell, strain", "Maxwell, softened by strain", softened(maxwell, STRAIN)),
