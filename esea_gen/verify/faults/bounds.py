@@ -46,6 +46,8 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
     across = control.every + control.release_ticks  # from a measurement to the limits by control
     if fault.place == "stop line":
         return 0  # looked at in every tick
+    if fault.place == "operator":
+        return TIMES_MS["STOP_OFF"][0]
     if fault.place == "link" or (fault.place == "mode" and fault.kind == "NaN"):
         # A frame with such a mode is none: nothing else comes until the deadline.
         return TIMES_MS["DEADLINE"][0]

@@ -115,7 +115,8 @@ def all_faults(
                 BoardFault("clock", kind, rng.choice(amounts))
                 for kind, amounts in CLOCK_KINDS.items()
             ]
-            each += [BoardFault("link", "cut"), BoardFault("stop line", "open"), *more]
+            each += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
+            each += [BoardFault("operator", "stop"), *more]
         for place, all_ in (("state", state), ("coefficients", coefficients)):
             each += [
                 BoardFault(place, "bit flip", float(rng.randrange(32)), w.name, w.byte)
