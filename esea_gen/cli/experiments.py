@@ -234,7 +234,10 @@ def simulate(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
-    """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours."""
+    """Run a study: a controller's C against the virtual exoskeleton, as in the thesis or yours.
+
+    Exit code 1: a run was unstable, tripped or latched a fault, which the table names.
+    """
     from esea_gen.analysis.campaign import Workers
     from esea_gen.emit.formats import FORMATS
     from esea_gen.studies.off_table import simulate_off
@@ -265,6 +268,7 @@ def simulate(
     show(result, json_file, "simulate", figure=figure)
     if csv_file is not None:
         write_whole(csv_file, result.csv())
+    exit_unless(result.sound)
 
 
 @app.command()

@@ -160,6 +160,11 @@ def _copy(name: str, base: str | None) -> str:
     return copy_device(esea_gen.load_device(base or "elbow"), name).toml()
 
 
+def terminal() -> bool:
+    """Whether somebody is there to answer."""
+    return sys.stdin.isatty()
+
+
 def _short(name: str, base: str, words: list[str]) -> str:
     from esea_gen.device import parse_device
     from esea_gen.devices.short import (
@@ -171,7 +176,7 @@ def _short(name: str, base: str, words: list[str]) -> str:
     )
 
     given = read_given(words)
-    if not sys.stdin.isatty():
+    if not terminal():
         refuse_missing(given)
     out.print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
     for k, q in enumerate(QUESTIONS, 1):

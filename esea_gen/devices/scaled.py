@@ -78,13 +78,14 @@ def scaled_to(
 
     def put(key: str, value: float, how: str) -> None:
         *path, last = key.split(".")
-        if last not in _at(own, path):
+        if last not in _at(own, path) and math.isfinite(value):
             facts = field_facts(key)
             value = min(max(float(f"{value:.{DIGITS}g}"), facts["low"]), facts["high"])
             _at(made, path)[last] = {"value": value, "status": "assumed", "source": how}
 
     def of(key: str, document: Mapping[str, Any] = made) -> float:
-        return float(_number(document, key) or math.nan)
+        number = _number(document, key)
+        return math.nan if number is None else number
 
     if not all(of(k) > 0 for k in (*needed, "timing.sense_rate_Hz")):
         return made  # wrong numbers, of which the checks tell

@@ -60,6 +60,11 @@ class OffTable:
     def rows(self) -> list[dict[str, Any]]:
         return [_row(d) for d in self.done]
 
+    @property
+    def sound(self) -> bool:
+        """Whether every run came to its end."""
+        return all(d.sound for d in self.done)
+
     def cases(self) -> list[dict[str, Any]]:
         return [
             {"controller": d.setting.controller} | entry for d in self.done for entry in d.cases()

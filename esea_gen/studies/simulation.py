@@ -22,6 +22,7 @@ from esea_gen.analysis import plots
 from esea_gen.analysis.campaign import run_cases
 from esea_gen.analysis.journal import Configuration, file_digest, files_digest, rooms_digest
 from esea_gen.analysis.monte_carlo import MonteCarlo
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
@@ -165,7 +166,12 @@ def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> l
     counts = [(sum(bool(e.get(k)) for e in entries), text) for k, text in words.items()]
     said = ", ".join(f"{n} {text}" for n, text in counts if n)
     reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
-    return [f"{name:32}{row}  {said}".rstrip(), *(f"  failed: {reason}" for reason in reasons)]
+    latched = sorted({int(e["fault_reason"]) for e in entries if e.get("fault_reason")})
+    return [
+        f"{name:32}{row}  {said}".rstrip(),
+        *(f"  latched: {Fault(n).name}, {FAULT_TEXT[Fault(n)]}" for n in latched),
+        *(f"  failed: {reason}" for reason in reasons),
+    ]
 
 
 def panel(case: Case, run: ClosedLoopRun, *, whole: bool = False) -> Panel:
@@ -241,6 +247,11 @@ class Simulation:
     def ended(self) -> list[dict[str, Any]]:
         """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
         return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
+
+    @property
+    def sound(self) -> bool:
+        """Whether every run came to its end; where an encoder is broken on purpose, none need."""
+        return bool(self.setting.fault) or not self.ended()
 
     def to_dict(self) -> dict[str, Any]:
         content = self.study.to_dict(self)

@@ -20,6 +20,7 @@ FIGURES = (
     "unstable",
     "tripped",
     "fault",
+    "fault_reason",
     "limited_share",
     "roughness_Nm_s",
     "largest_desired_Nm",
@@ -84,6 +85,8 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
         "roughness_Nm_s": rms(np.diff(u)) * RATE_HZ,
     }
+    if (latched := np.flatnonzero(run.controller["fault"][w])).size:
+        out["fault_reason"] = float(run.controller["fault"][w][latched[0]])
     if run.missed_runs:
         out["missed_runs"] = float(run.missed_runs)
     if case.mode == IMPEDANCE:

@@ -12,10 +12,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.safety import command_range
+from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Constant, Flag, Port, around, clip, status_port
+from esea_gen.language.ports import (
+    Array,
+    Constant,
+    Flag,
+    Port,
+    around,
+    clip,
+    status_port,
+    threshold,
+)
 from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, SIDES, Side, step_max_counts
 from esea_gen.model.sections import section_of
@@ -23,7 +32,7 @@ from esea_gen.model.symbolic import equations
 
 SOUND, SWINGS, ROUGH, STUCK = range(4)
 LOUDER = 2.0  # times the noise of a sound encoder: rougher is no encoder's noise
-MOST = 8.0  # times the largest second difference: what is farther counts as that
+MOST = 4.0  # largest second difference that counts: one wild frame and the next make no roughness
 SWING_S = 1.0  # decay of the count of swings
 FULL = 0.9  # of the motor's largest torque: as good as at its limit
 MEAN_TICKS = 16  # of the mean step, which tells slow from fast
@@ -33,10 +42,10 @@ LEAST_COUNTS, NOISES = 16, 32
 
 EQUATIONS = """
     [mon 1] | w_k | c_k - c{k-1} | step of the count, the short way round
-    [mon 2] | R | R + a * ((w_k - w{k-1})**2 / (1 + 6 * (2 * sigma)**2) - R) | \
-        roughness; 1 is that of twice the noise sigma, in counts, and of whole counts
-    [mon 3] | d_i | Sum(w_k, (k, 1, n)) | moved since bit i of the count changed, while slow
-    [mon 4] | Abs(d_i) | Max(2 * 2**i, 16, 32 * sigma) | at which the bit is stuck
+    [mon 2] | R | R + a * ((w_k - w{k-1})**2 / (4 + 6 * (2 * sigma)**2) - R) | \
+        roughness; 1 is that of twice the noise sigma and of a count to and fro at every tick
+    [mon 3] | d_i | Sum(Max(-2**i - 1, Min(w_k, 2**i + 1)), (k, 1, n)) | moved since bit i of the count changed, while slow
+    [mon 4] | Abs(d_i) | Max(2 * 2**i + 2, 16, 32 * sigma) | at which the bit is stuck
     [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second
 """
 
@@ -48,12 +57,12 @@ class _Watched:
         self.bits = int(device.file.encoder.resolution_bits.value)
         self.full = 1 << self.bits
         sigma = noise_rad * self.full / (2 * math.pi)
-        self.largest = math.sqrt(1 + 6 * (LOUDER * sigma) ** 2)
+        self.largest = math.sqrt(4 + 6 * (LOUDER * sigma) ** 2)
         self.reach = step_max_counts(device, side) * (HELD_MAX + 1)
         # A bit that weighs more makes a step that the encoder's front end does not believe.
         self.low = range(min(self.reach.bit_length(), self.bits))
         least = max(LEAST_COUNTS, math.ceil(NOISES * sigma))
-        self.room = [float(max(2 << i, least)) for i in self.low]
+        self.room = [float(max((2 << i) + 2, least)) for i in self.low]
 
 
 def monitor(device: DeviceData) -> Block:
@@ -68,8 +77,9 @@ class _Monitor:
         self.watched = {side: _Watched(device, side, own.noise_rad.value) for side in SIDES}
         self.share = 1 - math.exp(-self.h / own.window_s.value)
         self.decay, self.swing = math.exp(-self.h / SWING_S), 1 / own.swings_1_s.value
-        assert device.file.safety is not None
-        self.full_Nm = FULL * device.file.safety.u_max_Nm.value
+        safety, *_ = safety_sections(device)
+        self.u_max = threshold(safety.u_max_Nm.value)
+        self.u_step = threshold(safety.u_rate_Nm_s.value * self.h)
         self.name = "monitor"
         self.title = "Whether joint encoders and motor behave as sound ones do"
         self.equations = equations(EQUATIONS)
@@ -82,7 +92,8 @@ class _Monitor:
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             Port("followed", 0.0, 1.0, "1 when the last frames were good"),
-            Port("limit_last", -1.0, 1.0, "limit at which the motor was last"),
+            around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
+            Port("limit_last", -1.0, 1.0, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
             *(p for side in SIDES for p in self._memory(side)),
         )
@@ -133,13 +144,16 @@ class _Monitor:
             next_state |= own
             stuck.append(label(f"{side}_stuck", bit, "[mon 4]"))
             rough.append(label(f"{side}_is_rough", loud, "[mon 2]"))
-        at = ca.if_else(u.u_command_Nm > self.full_Nm, 1.0, 0.0)
-        at = ca.if_else(u.u_command_Nm < -self.full_Nm, -1.0, at)
+        followed = clip(u.u_command_Nm, s.u_last_Nm - self.u_step, s.u_last_Nm + self.u_step)
+        followed = label("u_followed_Nm", clip(followed, -self.u_max, self.u_max))
+        at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
+        at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
         swings = s.swings * self.decay + ca.if_else(swung, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
         next_state |= {
             "followed": good,
+            "u_last_Nm": followed,
             "limit_last": ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last),
             "swings": swings,
         }
@@ -175,8 +189,11 @@ class _Monitor:
             rest = rest - ca.if_else(ones[i], float(1 << i), 0.0)
         way = []
         for i, room in zip(w.low, w.room, strict=True):
+            # A leap counts as a stuck bit's, weight and one: one wild frame does not fill the room.
+            leap = float(1 << i) + 1
             slow = ca.logic_and(goes_on, speed <= 0.5 * (1 << i))
-            on = ca.if_else(slow, clip(moved[i] + now, -room, room), 0.0)
+            on = clip(moved[i] + clip(now, -leap, leap), -room, room)
+            on = ca.if_else(slow, on, 0.0)
             held = ca.fabs(moved[i]) > room - 0.5  # stuck stays so until the bit changes
             same = ca.fabs(ones[i] - bits[i]) < 0.5
             way.append(ca.if_else(same, ca.if_else(held, moved[i], on), 0.0))

@@ -77,7 +77,7 @@ def choose(rows: Sequence[CompareRow], whole: Set[str], costs: Mapping[str, floa
     reasons = [
         f"Model: '{chosen}', chosen of {len(costs)} by held-out error: {facts(chosen)} ({over}). "
         f"It is the cheapest that no other beats by {100 * BETTER:g} % in half of the conditions "
-        "and in the mean."
+        "and in the mean. That choice used the held-out data."
     ]
     if second is not None:
         reasons.append(f"Runner-up: '{second}', {beside(second)}")

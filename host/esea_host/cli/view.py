@@ -127,7 +127,9 @@ def demo(
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("every bit is the C's" if v.same else "NOT THE SAME: esea-host replay --verify")
     out.print(f"{done.report}: simulated torque error {done.rms_error_Nm:.3f} Nm rms")
-    if not v.same:
+    if done.fault:
+        out.print(f"the board latched a fault: {done.fault.partition(' Cure:')[0]}")
+    if done.fault or not v.same:
         raise typer.Exit(1)
 
 

@@ -28,6 +28,7 @@ class Demo:
     report: Path
     verdict: ReplayVerdict
     rms_error_Nm: float  # of the sensed torque, from the second cycle on
+    fault: str = ""  # that the board latched
 
 
 def run_demo(
@@ -59,7 +60,7 @@ def run_demo(
         connected = LockstepDevice(drive)
         with connected.record(target) as live:
             live.note("simulated: the firmware's application, virtual drive, virtual person")
-            _follow(connected, seconds)
+            latched = _follow(connected, seconds)
             live.event("board_clock", **connected.clock())
     finally:
         if own:
@@ -68,10 +69,11 @@ def run_demo(
         say(f"{target}: {len(log[log.first_output])} ticks; computing it again")
         verdict = verify(log)
         error_Nm = _draw(log, verdict, report)
-    return Demo(target, report, verdict, error_Nm)
+    return Demo(target, report, verdict, error_Nm, latched)
 
 
-def _follow(device: LockstepDevice, seconds: float) -> None:
+def _follow(device: LockstepDevice, seconds: float) -> str:
+    # The fault that the board has latched in the end, or nothing.
     device.advance(SETTLE_S)
     for _ in range(ZERO_TRIES):
         device.zero()
@@ -88,8 +90,10 @@ def _follow(device: LockstepDevice, seconds: float) -> None:
         wanted: dict[str, Any] = dict.fromkeys(names, wanted_Nm)
         device.want(mode=1.0, **wanted)
         device.advance(TURN_S)
+    latched = device.session.fault() if device.state() == "FAULT" else ""
     device.disarm()
     device.advance(1.0)
+    return latched
 
 
 def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
