@@ -20,7 +20,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.plotting import BOUND, INK, STYLE
-from esea_gen.verify.faults.bounds import PUSHED_NM, LimbEnvelope, bound_ticks, envelope
+from esea_gen.verify.faults.bounds import RUN_OUT, LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
@@ -125,7 +125,8 @@ class FaultCampaign:
             *self.markdown(),
             f"{self.device}, simulated: {len(self.runs)} faults, {found} found; "
             f"{len(late)} with a stated bound.",
-            f"Envelope {e.torque_Nm:g} Nm until the motor is off, {e.run_out_Nm:g} Nm after, "
+            f"Envelope {e.torque_Nm:g} Nm until the motor is off, {e.run_out_Nm:g} Nm after "
+            f"for 12 Nm/rad (each by its own), "
             f"{e.energy_J:g} J; largest {max(r.torque_then_Nm for r in self.runs):.1f} Nm, "
             f"{max(r.peak_torque_Nm for r in self.runs):.1f} Nm, "
             f"{max(r.energy_J for r in self.runs):.1f} J.",
@@ -292,7 +293,7 @@ def _judged(
         values[k] for k in ("torque_then_Nm", "peak_torque_Nm", "energy_J")
     )
     in_time = bound is None or (found is not None and found <= bound)
-    most_Nm = max(limits.run_out_Nm, PUSHED_NM.get(case["person"], 0.0))
+    most_Nm = limits.torque_Nm * RUN_OUT[case["person"]]
     gentle = then_Nm <= limits.torque_Nm and peak_Nm <= most_Nm
     return FaultRun(
         input=fault.input,
