@@ -180,8 +180,14 @@ def _quoted(path: Path, text: str) -> int:
     # Line on which a name of the message stands in quotes: the last of them that does.
     nodes = _nodes(path)
     keys = [k for n in nodes if isinstance(n, ast.Dict) for k in n.keys]
-    lines = {n.value: n.lineno for n in (*nodes, *keys) if isinstance(n, ast.Constant)}
-    return next((lines[w] for w in reversed(re.findall(r"\w+", text)) if w in lines), 0)
+    lines: dict[str, int] = {}
+    for n in (*nodes, *keys):
+        held = n.value if isinstance(n, ast.Constant) else None
+        if isinstance(held, str) and re.fullmatch(r"[\w.]+", held):
+            lines |= dict.fromkeys(held.split("."), n.lineno)
+    # Behind a semicolon stands what there is.
+    words = re.findall(r"\w+", text.partition(";")[0])
+    return next((lines[w] for w in reversed(words) if w in lines), 0)
 
 
 def _nodes(path: Path) -> Sequence[ast.AST]:
