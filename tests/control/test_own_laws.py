@@ -56,8 +56,8 @@ SIGNAL = "u.tau_set_Nm - u.tau_Nm"
         (SIGNAL, "ca.sin(u.tau_Nm)", r"sin in Block proportional\. .*polynomial"),
         (SIGNAL, "u.tau_Nm if u.tau_Nm > 0 else 0", r"choose with casadi\.if_else"),
         ("ca.logic_and(guard.inputs_ok, u.mode >= 1)", "guard.inputs_ok and u.mode", "logic_and"),
-        (SIGNAL, "u.tau_Nm * float('nan')", "Block proportional computes with the constant nan"),
-        (SIGNAL, "u.tau_Nm * math.inf", "the constant inf"),
+        (SIGNAL, "u.tau_Nm * float('nan')", "nan in Block proportional"),
+        (SIGNAL, "u.tau_Nm * math.inf", "inf in Block proportional"),
         ('"error_Nm": ca.if_else(active, smooth, 0)', '"error_Nm": [smooth, 0]', "has shape"),
         ('"u_command_Nm": ca.if_else', '"u_comand_Nm": ca.if_else', "unknown .'u_comand_Nm'"),
         ("base.control_period_s", "base.period_s", "'Base' object has no attribute 'period_s'"),
@@ -83,7 +83,7 @@ def test_what_is_wrong_in_a_law_is_told_with_its_line(base, tmp_path, old, new, 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('Port("mode"', 'Port("mod"', r"no signal .*input 'mod' .*Did you mean mode\?"),
+        ('Port("mode"', 'Port("mod"', r"no wire .*Did you mean mode\?"),
         ('nal.u_command_Nm")', 'nal.u_comand_Nm")', "no such port .*Did you mean u_command_Nm"),
     ],
 )
