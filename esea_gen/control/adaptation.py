@@ -29,8 +29,6 @@ from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
-STOP_NM = 0.8
-"""Threshold of the stop operator that stands for the loss: of trials from 0.1 to 0.8 the best."""
 FILTER_HZ = 2.0
 """One lag for all that is compared; the acceleration of the mass comes out of it."""
 MEAN_S, LEAST_NM2 = 5.0, 0.05
