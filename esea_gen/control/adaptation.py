@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
