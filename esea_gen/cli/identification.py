@@ -65,7 +65,7 @@ def identify(
         str,
         option(
             "--model NAME",
-            "Torque model: chosen by held-out error, published, or a member of the family, as "
+            "Torque model: chosen (by held-out error), published, or a member of the family, as "
             '"slips, worn".',
         ),
     ] = CHOSEN,
