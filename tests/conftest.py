@@ -74,6 +74,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow_sample)
 
 
+def load_file(path: Path) -> Any:
+    """Import a file that is in no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
 def missing(name: str) -> NoReturn:
     """The test is skipped, or fails where everything is required."""
     message = f"{name} is not installed"
@@ -113,7 +124,7 @@ def results_follow_their_schemas():
 @pytest.fixture(scope="session", autouse=True)
 def the_examples_are_trusted(tmp_path_factory):
     """What a person does once for a task file; no test reads or writes a person's own list."""
-    from esea_host.study.trust import read_code, trust
+    from esea_gen.trust import read_code, trust
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("config")))

@@ -16,6 +16,7 @@ from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
 from esea_gen.control.limits.monitor import encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
+from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
 from esea_gen.control.reference import reference
 from esea_gen.control.shown import gains_reference
@@ -178,8 +179,13 @@ def control_system(
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)
-    one = _wired(emitted_once({**sense, **control}), laws, parts)
-    return _of_axes(device, one, len(sense))
+    try:
+        one = _wired(emitted_once({**sense, **control}), laws, parts)
+        return _of_axes(device, one, len(sense))
+    except ValueError as error:
+        if (told := wrong_wire(laws, error)) is not None:
+            raise told from error
+        raise
 
 
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:

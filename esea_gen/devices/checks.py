@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
+from esea_gen.devices.drive_relations import check_drive
 from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
 from esea_gen.devices.numbers import Facts, Quantity, Series, beyond, numbers_of
 from esea_gen.devices.rubber import LEAST_FACTOR, FamilyTemperature, FamilyTerm
@@ -412,4 +413,6 @@ def _check_encoder(file: DeviceFile) -> Iterator[UserError]:
                 )
 
 
-RELATIONS = (check_rubber, _check_relations, _check_control, _check_inverse, _check_encoder)
+RELATIONS = (
+    check_rubber, _check_relations, _check_control, _check_inverse, _check_encoder, check_drive,
+)  # fmt: skip

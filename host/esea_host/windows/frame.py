@@ -188,7 +188,7 @@ class StopWindow(ThemedWindow):
 
 def state_colour(theme: Theme, state: str) -> str:
     """Of a board's state: alarm, moving, or at rest."""
-    if state in ("FAULT", "STOPPED"):
+    if state in ("FAULT", "STOPPING", "STOPPED"):
         return theme.alarm
     return theme.measured if state in ("ARMED", "ACTIVE", "LETTING_GO") else theme.good
 

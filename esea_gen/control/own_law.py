@@ -1,0 +1,180 @@
+"""Laws from files outside the package: loaded, trusted, and what is wrong in them, line by line."""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+import traceback
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+
+from esea_gen.control.law import Base, Law, Parts
+from esea_gen.errors import UserError, nearest
+from esea_gen.files import read_whole
+from esea_gen.python_file import MOST_BYTES, import_file
+from esea_gen.trust import TaskCode, must_be_trusted
+
+# What CasADi has and the firmware's C has not.
+NOT_IN_C = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh"),
+    *("atanh", "floor", "ceil", "fmod", "erf"),
+)
+IN_C = "sqrt, exp, log, tanh, pow, fabs, fmin, fmax, sign and if_else"
+CHOOSE = (
+    "A step is one straight line of symbols: choose with casadi.if_else(condition, a, b), join "
+    "conditions with casadi.logic_and and logic_or, and take casadi.fmax for max."
+)
+
+
+def outside_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
+    """A law by ``FILE.py:name``.
+
+    With the folder of a device file, one that is named there: such a file came with data, and runs
+    once its content is trusted.  ``content``: of the file, where it is at hand.
+    """
+    given, _, name = text.rpartition(":")
+    path = Path(given) if folder is None else folder / given
+    if content is None:
+        if not path.is_file():
+            raise UserError(f"{text}: there is no file {path}.", "Write FILE.py:law.")
+        content = read_whole(path, "Check the path.", MOST_BYTES)
+    code = TaskCode.of(path, content)
+    if folder is not None:
+        must_be_trusted([code], "type: esea-gen")
+    return _law(path, content, name, code.sha256)
+
+
+@lru_cache(maxsize=16)
+def _law(path: Path, content: bytes, name: str, digest: str) -> Law:
+    module = import_file(path, content)
+    found = {k: v for k, v in vars(module).items() if isinstance(v, Law)}
+    if name not in found:
+        raise UserError(
+            f"{path.name}: no law '{name}' in it.",
+            f"{nearest(name, found)}Laws there: {', '.join(found) or 'none'}.",
+        )
+    law = found[name]
+
+    def parts(base: Base) -> Parts:
+        try:
+            with _symbols_are_no_numbers():
+                made = law.parts(base)
+            if not isinstance(made, Parts):
+                raise TypeError(f"{law.parts.__name__} gives {type(made).__name__}, not Parts")
+        except UserError:
+            raise
+        except Exception as error:
+            raise explained(path, error, f"law {law.name}") from error
+        _check_kernels(path, law.name, made)
+        return made
+
+    return Law(law.name, law.title, parts, law.section, digest, path, content)
+
+
+def wrong_wire(laws: Iterable[Law], error: ValueError) -> UserError | None:
+    """What is wrong in a law whose Blocks cannot be wired; None where no own law is concerned."""
+    for law in laws:
+        if law.path is not None and (line := _line(law.path, str(error))):
+            return explained(law.path, error, f"law {law.name}", line)
+    return None
+
+
+def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserError:
+    """An error of somebody's file: its line, and a remedy where one is known."""
+    text = re.sub(r"^\S*\.cpp:\d+: ", "", str(error))
+    inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+    code = (inside[-1].line or "") if inside else ""
+    if not line and inside:
+        line = inside[-1].lineno or 0
+        told = set(_WORD.findall(text)) & set(_WORD.findall(code))
+        if isinstance(error, ValueError) and not told:
+            line = _line(path, text) or line  # of a call over many lines the argument's own
+    fix = "Correct the file."
+    if isinstance(error, AttributeError) and isinstance(error.obj, SimpleNamespace):
+        text, known = f"there is no '{error.name}'", sorted(vars(error.obj))
+        fix = f"{nearest(str(error.name), known)}There are: {', '.join(known)}."
+    elif "truth value" in text:
+        fix = CHOOSE
+    elif isinstance(error, NotANumberError):
+        called = re.search(r"\bmath\.(\w+)", code)
+        fix = _instead(called[1]) if called else "Use casadi's functions on symbols."
+    elif found := re.search(r"(no wire for|no such port) \w+\.(\w+); (.*)", text):
+        known = re.findall(r"'(\w+)'", found[3])
+        fix = f"{nearest(found[2], known)}An input is fed by the signal of its name or Parts.wires."
+    at = f", line {line}" if line else ""
+    return UserError(f"{path.name}{at}: {what}: {text} ({type(error).__name__}).", fix)
+
+
+class NotANumberError(TypeError):
+    """A symbol stands where Python computes with numbers."""
+
+
+@contextmanager
+def _symbols_are_no_numbers() -> Iterator[None]:
+    # CasADi makes NaN of a symbol that is asked for its number, as math.sin does.
+    sx: Any = ca.SX
+    usual = sx.__float__
+
+    def number(x: ca.SX, *more: Any) -> float:
+        if not x.is_constant():
+            raise NotANumberError("Python asks for a number, and this is a symbol")
+        return float(usual(x, *more))
+
+    sx.__float__ = number
+    try:
+        yield
+    finally:
+        sx.__float__ = usual
+
+
+def _instead(function: str) -> str:
+    if function not in NOT_IN_C:
+        return f"Use casadi.{function}."
+    return (
+        f"On symbols it is casadi.{function}, but the firmware's C has no {function}: write it as "
+        f"a polynomial over the range of its input. The C has {IN_C}."
+    )
+
+
+def _check_kernels(path: Path, law: str, made: Parts) -> None:
+    # What no C can be made of: numbers that are none, functions that it has not.
+    missing = {getattr(ca, f"OP_{n.upper()}"): n for n in NOT_IN_C}
+    for block in {**made.replaced, **made.own}.values():
+        for function in (block.prepare, *block.kernels.values()):
+            for k in range(function.n_instructions()):
+                code = function.instruction_id(k)
+                name, fix = missing.get(code, ""), "Give a finite number."
+                if code == ca.OP_CONST and not math.isfinite(function.instruction_constant(k)):
+                    name = str(function.instruction_constant(k))
+                if name:
+                    fix = _instead(name) if code in missing else fix
+                    line = _line(path, f"inf nan {name}")
+                    raise UserError(
+                        f"{path.name}, line {line}: law {law}: {name} in Block {block.name}.", fix
+                    )
+
+
+_WORD = re.compile(r"\w+")
+
+
+def _line(path: Path, text: str) -> int:
+    # Line on which the last word of a message stands that is used or quoted there; what comes
+    # behind a semicolon is what there is.  As a key it counts most, then in quotes.
+    lines: dict[str, int] = {}
+    with suppress(OSError, SyntaxError, ValueError):
+        nodes = list(ast.walk(ast.parse(path.read_bytes())))
+        names = [(getattr(n, "attr", None) or getattr(n, "id", None), n) for n in nodes]
+        quoted = [n for n in nodes if isinstance(n, ast.Constant)]
+        keys = [k for n in nodes if isinstance(n, ast.Dict) for k in n.keys]
+        for word, n in (*names, *((getattr(n, "value", None), n) for n in (*quoted, *keys))):
+            if isinstance(word, str) and " " not in word:
+                lines |= dict.fromkeys(word.split("."), getattr(n, "lineno", 0))
+    words = _WORD.findall(text.partition(";")[0])
+    return next((lines[w] for w in reversed(words) if w in lines), 0)
