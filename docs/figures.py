@@ -56,7 +56,7 @@ class FigureTable:
     rows: str = ""  # path of the entries in a result; `*`: of all keys
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    columns: Sequence[FigureColumn] = ()  # none: run by hand
+    columns: Sequence[FigureColumn] = ()  # without: run by hand
 
 
 @cache
@@ -69,6 +69,8 @@ def tables() -> dict[str, FigureTable]:
         listed = row.pop("commands")
         commands = [" ".join(c.format(**content["laws"]).split()) for c in listed]
         found[name] = FigureTable(name, commands, inputs, columns=columns, **row)
+    for name, (how, minutes, command) in content["by_hand"].items():
+        found[name] = FigureTable(name, [command], [], 60 * minutes, how)
     return found
 
 
