@@ -17,6 +17,7 @@ from esea_gen.report.page import PageSection
 from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import ROUGH_HEADS, ROUGHNESS, rough_cells
 from esea_gen.verify.verdict import Comparison
 
 YARDSTICK = "smc-published"
@@ -114,7 +115,7 @@ def _experiments(found: Findings) -> dict[str, Any]:
             ours, theirs = case["rms_true_Nm"], beside["rms_true_Nm"]
             row: dict[str, Any] = {"experiment": name, "case": case["name"]}
             row |= {k: case[k] for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "unstable")}
-            row["limited_share"] = case.get("limited_share")
+            row |= {k: case.get(k) for k in ("limited_share", *ROUGHNESS)}
             row |= {"printed_rms_true_Nm": theirs, "printed_unstable": beside["unstable"]}
             row["ratio"] = ours / theirs if ours is not None and theirs else None
             rows.append(row | {"thesis_rms_Nm": thesis})
@@ -126,7 +127,9 @@ def _figures(found: Findings) -> dict[str, Any]:
     captions = {name: s.study.title for name, s in found.simulations.items()}
     done = found.simulations.items()
     figures = {name: svg(s.figure(), f"drive-{name}", captions[name]) for name, s in done}
-    return {"captions": captions, "figures": figures, "compared": COMPARED, "yardstick": YARDSTICK}
+    content: dict[str, Any] = {"captions": captions, "figures": figures, "compared": COMPARED}
+    rough = {"rough_heads": ROUGH_HEADS, "rough": rough_cells}
+    return content | rough | {"yardstick": YARDSTICK}
 
 
 def _response(found: Findings) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from tests.benchmarks.encoder_faults import AT_S, CASES, quiet
 from tests.cli.test_cli import run as run_cli
 from tests.conftest import ROOT, require_tool, without
 
+SIMULATE = ("simulate", "--controller", "smc")
 PAGE = ROOT / "docs" / "limits.md"
 
 
@@ -212,7 +213,7 @@ def test_without_the_comparison_a_frozen_encoder_is_not_found(tmp_path):
 def test_the_command_says_what_came_of_it(tmp_path):
     require_tool("gcc")
     out = tmp_path / "fault.json"
-    done = run_cli("simulate", "bread", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
+    done = run_cli(*SIMULATE, "bread", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
     content = json.loads(out.read_text())
@@ -223,10 +224,10 @@ def test_the_command_says_what_came_of_it(tmp_path):
     assert still["detected_fault"] == 6
     assert pushed["peak_torque_Nm"] < 4.0  # found or within the room
     assert min(still["energy_J"], pushed["energy_J"]) >= 0
-    done = run_cli("simulate", "tuning", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
+    done = run_cli(*SIMULATE, "tuning", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
     (case,) = json.loads(out.read_text())["cases"]
     assert case["detected_ticks"] is None  # the output is fixed: what is read is right
-    done = run_cli("simulate", "bread", "--fault", "freeze:load@40", cwd=tmp_path)
+    done = run_cli(*SIMULATE, "bread", "--fault", "freeze:load@40", cwd=tmp_path)
     assert done.returncode == 2
     assert "outside 0.1 to 25 s" in re.sub(r"\s+", " ", done.stderr)
 
