@@ -130,11 +130,7 @@ STATES = {"UNREFERENCED": "not zeroed", "READY": "ready", "FAULT": "fault", "STO
 
 
 class BoardPanel(QWidget):
-    """Angle, speed and torque as they come, torque over angle, and what to do with a movement."""
-
-    kept = Signal()
-    repeated = Signal()
-    zeroed = Signal()
+    """Angle, speed and torque as they come, torque over angle, and the verdict on a movement."""
 
     def __init__(self, board: KneeBoard) -> None:
         super().__init__()
@@ -151,14 +147,8 @@ class BoardPanel(QWidget):
             words.addWidget(QLabel(text), i, 0)
             words.addWidget(label, i, 1)
         words.setColumnMinimumWidth(1, 84)
-        zero = push_button("Zero the board", self.zeroed.emit)
-        zero.setToolTip("The leg straight and resting, hands off the coupling, keep still")
-        words.addWidget(zero, 4, 0, 1, 2)
         words.setRowStretch(5, 1)
-        self.keep = push_button("Keep  (Space)", self.kept.emit)
-        self.repeat = push_button("Repeat  (R)", self.repeated.emit)
-        middle, both = row_of((self.loop.view, 1), words), row_of(self.keep, self.repeat)
-        column = column_of(self.warning, (middle, 1), self.verdict, both)
+        column = column_of(self.warning, (row_of((self.loop.view, 1), words), 1), self.verdict)
         column.setContentsMargins(4, 4, 4, 4)
         column.setSpacing(3)
         self.setLayout(column)
@@ -210,5 +200,3 @@ class BoardPanel(QWidget):
         alarming = bool(trouble) or (attempt is not None and not attempt.passed)
         good = self.theme.good if attempt is not None else self.theme.soft
         self.verdict.setStyleSheet(f"color: {self.theme.alarm if alarming else good}")
-        for button in (self.keep, self.repeat):
-            button.setEnabled(attempt is not None)

@@ -54,7 +54,7 @@ class ParameterEditor(QWidget):
 
     def read(self) -> None:
         def job() -> str:
-            values = self._feed.device.parameters()
+            values = self._feed.read_parameters()
             self.answered.emit(values)
             return f"{len(values)} parameters"
 

@@ -30,14 +30,17 @@ from esea_host.study.session import RUNNING
 from esea_host.study.source import Gauge
 from esea_host.study.task import task_named
 from esea_host.study.words import KeyedText, Words, keyed
+from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
-from esea_host.windows.frame import Job, StopWindow, column_of, push_button, row_of
+from esea_host.windows.frame import STOP_KEYS, Job, StopWindow, column_of, row_of
 from esea_host.windows.study.adverse import AdversePanel
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import BANNER_STYLE, DARK, LIGHT, Theme, plain_label, plain_tip
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
 
-TURN_MS = 100
+TURN_MS, MOST_READOUTS = 100, 4
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
+IN_BAR = ("pause", "recentre", "open")
+REASONED = ("note", "repeat_this_trial", "repeat_block", "skip_this_trial")
 NEAR = 0.85  # of the way to a limit
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
 
@@ -91,7 +94,7 @@ class OperatorWindow(StopWindow):
         board: ConnectedDevice | None = None,
         dark: bool = False,
     ) -> None:
-        super().__init__()
+        super().__init__(words("operator.stop"), words("operator.escape_closed"))
         self.conductor, self.words, self.board = conductor, words, board
         self.stopper = StopSender(board) if board is not None else None
         study = conductor.study
@@ -104,9 +107,9 @@ class OperatorWindow(StopWindow):
         if self.group:
             group = words("operator.blinded") if self._blind else self.group
             who = words("operator.group", who=who, group=group)
-        self.banner = plain_label(words(f"banner.{conductor.banner}") if conductor.banner else "")
-        self.who = plain_label(who)
-        self.setWindowTitle(" - ".join(filter(None, (self.banner.text(), who, "esea-host"))))
+        banner = words(f"banner.{conductor.banner}") if conductor.banner else ""
+        self.bar.mark(banner, who)
+        self.setWindowTitle(" - ".join(filter(None, (banner, who, "esea-host"))))
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -116,33 +119,32 @@ class OperatorWindow(StopWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.advice, self.now = QLabel(), QLabel(), QLabel()
-        self.timers, self.coming = plain_label(), plain_label()
-        self.said = plain_label()
+        self.now, self.timers, self.coming = QLabel(), plain_label(), plain_label()
         # A reason may be long: it must not widen the window.
-        for label in (self.state, self.advice, self.now, self.timers, self.coming, self.said):
+        for label in (self.now, self.timers, self.coming):
             label.setWordWrap(True)
-        self.banner.setStyleSheet(BANNER_STYLE)
-        self.banner.setVisible(bool(self.banner.text()))
-        self.stop_button.setText(self.words("operator.stop"))
         self.scene = SceneView(self.words)
         self.scene.setMinimumSize(200, 160)
         self.adverse = AdversePanel(self.conductor, self.words)
         self._build_trials()
-        whose = row_of(self.banner, (self.who, 1))
-        top = row_of((column_of(self.state, whose), 1), self.stop_button)
         middle = row_of((column_of(self.adverse, (self.trials, 1)), 3), (self._side(), 2))
-        self.fill(column_of(top, (middle, 1), self._bottom(), self.said))
+        self.fill(column_of((middle, 1), self._build_steps()))
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
         self.gauges = [GaugeBar(self.words) for _ in self.conductor.source.gauges()]
+        for gauge in self.conductor.source.gauges()[:MOST_READOUTS]:
+            self.bar.add_readout(self._caption(gauge))
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        labels, gauges = (self.now, self.timers, self.coming, self.advice), QGridLayout()
+        labels, gauges = (self.now, self.timers, self.coming), QGridLayout()
         for k, gauge in enumerate(self.gauges):  # of two axes side by side
             gauges.addWidget(gauge, *divmod(k, max(1, len(self.gauges) // 2)))
         return column_of((self.scene, 3), *labels, gauges, (self.happened, 2))
+
+    def _caption(self, gauge: Gauge) -> str:
+        parts = (self.words.or_same("gauge", part) for part in gauge.name.split())
+        return f"{' '.join(parts)} [{self.words.or_same('gauge', gauge.unit)}]"
 
     def _build_trials(self) -> None:
         plan, words = self.conductor.plan, self.words
@@ -185,28 +187,30 @@ class OperatorWindow(StopWindow):
     def _condition(self, trial: PlannedTrial) -> str:
         return self.words("operator.hidden") if self._hides(trial) else trial.condition
 
-    def _bottom(self) -> QHBoxLayout:
+    def _build_steps(self) -> QHBoxLayout:
+        # What a reason is written for stands beside where it is written.
         self.written = QLineEdit()
         self.written.setPlaceholderText(self.words("operator.write_here"))
         self.written.returnPressed.connect(self.note)
-        jobs: dict[str, Job] = {
-            "operator.note": self.note,
-            "operator.pause": self.pause,
-            "operator.recentre": self.conductor.recentre,
-            "operator.repeat_this_trial": self.repeat,
-            "operator.repeat_block": self.repeat_block,
-            "operator.skip_this_trial": self.skip,
-            "adverse.open": self.adverse.open,
+        jobs: dict[str, tuple[str, Job]] = {
+            "operator.pause": ("P", self.pause),
+            "operator.recentre": ("R", self.conductor.recentre),
+            "adverse.open": ("E", self.adverse.open),
+            "operator.note": ("N", self.note),
+            "operator.repeat_this_trial": ("Ctrl+R", self.repeat),
+            "operator.repeat_block": ("Ctrl+B", self.repeat_block),
+            "operator.skip_this_trial": ("Ctrl+K", self.skip),
         }
         self.buttons = {
-            key.partition(".")[2]: push_button(self.words(key), job, focus=False)
-            for key, job in jobs.items()
+            key.partition(".")[2]: StepButton(self.words(key), *job) for key, job in jobs.items()
         }
-        return row_of((self.written, 1), *self.buttons.values())
+        for name in IN_BAR:
+            self.bar.add_step(name, self.buttons[name])
+        return row_of((self.written, 1), *(b for n, b in self.buttons.items() if n not in IN_BAR))
 
     def _actions(self) -> None:
         jobs: list[tuple[str, str, Job]] = [
-            ("operator.stop_keys", "F12", self.stop),
+            ("operator.stop_keys", STOP_KEYS, self.stop),
             ("operator.pause_or_go_on", "P", self.pause),
             ("operator.recentre", "R", self.conductor.recentre),
             ("operator.note", "N", self.written.setFocus),
@@ -266,8 +270,7 @@ class OperatorWindow(StopWindow):
 
     def refresh(self) -> None:
         c, words = self.conductor, self.words
-        word = escape(self._word())
-        self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
+        self._tell()
         scene, trial = c.screen().scene, c.trial
         hides = trial is not None and self._hides(trial)
         self.scene.show_scene(replace(scene, shapes=()) if hides else scene)
@@ -277,27 +280,41 @@ class OperatorWindow(StopWindow):
             self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of} &nbsp; {again}")
         self.timers.setText(self._times())
         self.coming.setText(self._next())
-        colour = self.theme.alarm
-        advice = (f'<p style="color:{colour}">{escape(words.of(a))}</p>' for a in c.advice[:3])
-        self.advice.setText("".join(advice))
-        self.said.setText(words.of(c.said))
         for bar, gauge in zip(self.gauges, c.source.gauges(), strict=False):
             bar.gauge = gauge
             bar.update()
+            if (caption := self._caption(gauge)) in self.bar.readouts:
+                self.bar.show_value(caption, words.format_field(gauge.value, ".2f"))
         self._list_trials()
         self._list_events()
         waits = c.paused or c.phase == HELD
-        self.buttons["pause"].setText(words("operator.go_on" if waits else "operator.pause"))
+        self.buttons["pause"].rename(words("operator.go_on" if waits else "operator.pause"))
         switches = task_named(trial.task, "plan").switches if trial is not None else ()
         self.buttons["recentre"].setVisible("recentre" in switches)
         if self.chosen is not None:
             for what in ("repeat", "skip"):
                 text = words(f"operator.{what}_trial", number=self.chosen.number)
-                self.buttons[f"{what}_this_trial"].setText(text)
-        for name, button in self.buttons.items():
-            button.setEnabled(c.phase != OVER or name == "open")
+                self.buttons[f"{what}_this_trial"].rename(text)
+        self._refuse()
         self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
         self.adverse.look()
+
+    def _refuse(self) -> None:
+        # Each button that would do nothing tells why.
+        c, words = self.conductor, self.words
+        over = words("operator.is_over") if c.phase == OVER else ""
+        reason = "" if self.written.text().strip() else words("operator.needs_reason")
+        for name, button in self.buttons.items():
+            given = reason if name in REASONED else ""
+            button.refuse("" if name == "open" else over or given)
+
+    def _tell(self) -> None:
+        c, words = self.conductor, self.words
+        word, _, why = self._word().partition(": ")
+        self.bar.show_state(word, self._role())
+        advice = [words.of(a) for a in c.advice[:3]]
+        told = " ".join(filter(None, (why, *advice)))
+        self.bar.tell(told or self._next(), self.theme, alarm=bool(told), said=words.of(c.said))
 
     def _word(self) -> str:
         c, words = self.conductor, self.words
@@ -320,11 +337,11 @@ class OperatorWindow(StopWindow):
         holds = c.trial is not None and "pause" in task_named(c.trial.task, "plan").switches
         return words("operator.paused" if holds else "operator.running_to_pause")
 
-    def _colour(self) -> str:
+    def _role(self) -> str:
         c = self.conductor
         if c.phase == OVER:
-            return self.theme.alarm if c.reason or c.error else self.theme.good
-        return self.theme.measured if c.phase == RUNNING else self.theme.wanted
+            return "alarm" if c.reason or c.error else "good"
+        return "moving" if c.phase == RUNNING else "caution" if c.phase == HELD else "rest"
 
     def _times(self) -> str:
         c, words = self.conductor, self.words

@@ -1,0 +1,241 @@
+"""The bar on top of every window: state, next steps, active limits, and STOP.  It never scrolls."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from html import escape
+
+from PySide6.QtCore import QEvent, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QHelpEvent, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSizePolicy,
+    QToolTip,
+    QVBoxLayout,
+    QWidget,
+)
+
+from esea_host.windows.theme import BANNER_STYLE, LIGHT, STATE_STYLES, Theme, plain_label, plain_tip
+
+STOP_PX = QSize(150, 92)  # the same in every window
+# 46 px are 16 minutes of arc at 2 m on a screen of 92 dpi, the least of ISO 9241-303.
+LEAST_PX, MOST_PX, WIDTHS = 24, 46, 28
+STEP_PX, WORDS_PX, INDICATOR_PX = QSize(98, 42), 34, 20
+NOTICE_S = 5.0
+STOP_STYLE = (
+    "QPushButton {background: #b3261e; color: white; font-size: 22px; font-weight: bold;"
+    " border-radius: 6px; padding: 4px;}"
+    "QPushButton:pressed {background: #7d1410;}"
+    "QPushButton:disabled {background: transparent; color: #808890; font-size: 13px;"
+    " font-weight: normal; border: 1px dashed #808890;}"
+)
+
+
+def restyle(widget: QWidget, style: str) -> None:
+    """Qt computes a style anew even where it is the same."""
+    if widget.styleSheet() != style:
+        widget.setStyleSheet(style)
+
+
+class StepButton(QPushButton):
+    """What may be asked for now; if it would be refused, below its name is why."""
+
+    def __init__(self, name: str, keys: str, job: Callable[[], object]) -> None:
+        super().__init__()
+        self.name, self.keys, self.refusal = name, keys, ""
+        needed = self.fontMetrics().horizontalAdvance(name) + 16
+        self.setMinimumSize(STEP_PX.expandedTo(QSize(needed, 0)))
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.clicked.connect(lambda *_: job())
+        self.refuse("")
+
+    def rename(self, name: str) -> None:
+        if name != self.name:
+            self.name = name
+            self.refuse(self.refusal)
+
+    def refuse(self, reason: str) -> None:
+        self.refusal = reason
+        self.setText(f"{self.name}\n{reason or self.keys}".rstrip())
+        self.setEnabled(not reason)
+
+
+class IndicatorRow(QWidget):
+    """Each limit at its place, lit while it acts; quiet ones give way where there is no room."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.meanings: dict[str, str] = {}
+        self.lit: frozenset[str] = frozenset()
+        self.theme = LIGHT
+        self._places: list[tuple[QRectF, str]] = []
+        self.setFixedHeight(INDICATOR_PX)
+
+    def offer(self, meanings: Mapping[str, str]) -> None:
+        self.meanings = dict(meanings)
+        self.setVisible(bool(meanings))
+        self.update()
+
+    def light(self, names: Iterable[str]) -> None:
+        lit = frozenset(names)
+        if lit != self.lit:
+            self.lit = lit
+            self.setAccessibleDescription(", ".join(sorted(lit)))
+            self.update()
+
+    def shown(self) -> list[str]:
+        """Names that fit: all that are lit before any other one."""
+        widths = {n: self._width(n) for n in self.meanings}
+        room, chosen = float(self.width()), set[str]()
+        for name in sorted(self.meanings, key=lambda n: n not in self.lit):
+            room -= widths[name]
+            if room < 0:
+                break
+            chosen.add(name)
+        return [n for n in self.meanings if n in chosen]
+
+    def _width(self, name: str) -> float:
+        return self.fontMetrics().horizontalAdvance(name) + 18.0
+
+    def paintEvent(self, _: QPaintEvent) -> None:
+        painter, left, self._places = QPainter(self), 0.0, []
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        ground, ink = (QColor(c) for c in STATE_STYLES["caution"])
+        for name in self.shown():
+            chip = QRectF(left + 0.5, 1.5, self._width(name) - 6, self.height() - 4)
+            acts = name in self.lit
+            painter.setBrush(ground if acts else Qt.BrushStyle.NoBrush)
+            painter.setPen(QColor(self.theme.ink if acts else self.theme.soft))
+            painter.drawRoundedRect(chip, 4, 4)
+            painter.setPen(ink if acts else QColor(self.theme.soft))
+            painter.drawText(chip, Qt.AlignmentFlag.AlignCenter, name)
+            self._places.append((chip, name))
+            left += self._width(name)
+        painter.end()
+
+    def event(self, event: QEvent) -> bool:
+        """The meaning of the one under the mouse."""
+        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
+            at = (n for place, n in self._places if place.contains(event.pos()))
+            name = next(at, "")
+            QToolTip.showText(event.globalPos(), plain_tip(self.meanings[name]) if name else "")
+            return True
+        return super().event(event)
+
+
+class BoardBar(QWidget):
+    """readouts: the values to show large, each by its caption."""
+
+    def __init__(self, stop_text: str) -> None:
+        super().__init__()
+        self.state, self.who = plain_label(), plain_label()
+        self.badge, self.words, self.said = plain_label(), plain_label(), plain_label()
+        self.badge.setStyleSheet(BANNER_STYLE)
+        self.badge.hide()
+        self.indicators = IndicatorRow()
+        self.indicators.hide()
+        self.steps: dict[str, StepButton] = {}
+        self.readouts: dict[str, QLabel] = {}
+        self.stop_button = QPushButton(stop_text)
+        self.stop_button.setStyleSheet(STOP_STYLE)
+        self.stop_button.setFixedSize(STOP_PX)
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        for label in (self.who, self.words, self.said):
+            label.setWordWrap(True)
+            # No text widens the window, or moves what stands beside it.
+            label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self._shown, self._notice, self._until_s = ("", "rest"), "", 0.0
+        self.state.setMinimumWidth(1)  # a long one is cut, and moves nothing
+        self._values, self._steps = QHBoxLayout(), QHBoxLayout()
+        self._values.addWidget(self.state)
+        self._values.addStretch(1)
+        self._steps.addStretch(1)
+        whose = QHBoxLayout()
+        whose.addWidget(self.badge)
+        whose.addWidget(self.who, 1)
+        told = QWidget()
+        told.setMinimumHeight(WORDS_PX)
+        lines = QVBoxLayout(told)
+        lines.setContentsMargins(0, 0, 0, 0)
+        lines.setSpacing(0)
+        lines.addWidget(self.words)
+        lines.addWidget(self.said)
+        lines.addStretch(1)
+        left = QVBoxLayout()
+        left.setSpacing(3)
+        left.addLayout(whose)
+        left.addLayout(self._values)
+        left.addWidget(told)
+        left.addLayout(self._steps)
+        left.addWidget(self.indicators)
+        whole = QHBoxLayout(self)
+        whole.setContentsMargins(8, 4, 8, 4)
+        whole.addLayout(left, 1)
+        whole.addWidget(self.stop_button, 0, Qt.AlignmentFlag.AlignTop)
+
+    def add_step(self, name: str, button: StepButton) -> StepButton:
+        self.steps[name] = button
+        self._steps.insertWidget(len(self.steps) - 1, button)
+        return button
+
+    def add_readout(self, caption: str) -> None:
+        self.readouts[caption] = QLabel()
+        self._values.addWidget(self.readouts[caption])
+
+    def show_value(self, caption: str, text: str) -> None:
+        px = self._px()
+        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>"
+        self.readouts[caption].setText(f"{small}<br><b style='font-size:{px}px'>{text}</b>")
+        self.readouts[caption].setMinimumWidth(4 * px)
+        self.readouts[caption].setAccessibleName(text)
+
+    def _px(self) -> int:
+        return min(max(self.width() // WIDTHS, LEAST_PX), MOST_PX)
+
+    def show_state(self, word: str, role: str) -> None:
+        """role: one of theme.STATE_STYLES."""
+        self._shown = word, role
+        ground, ink = STATE_STYLES[role]
+        self.state.setText(word)
+        restyle(
+            self.state,
+            f"background: {ground}; color: {ink}; font-size: {self._px()}px; font-weight: bold;"
+            " padding: 0px 10px; border-radius: 6px",
+        )
+
+    def tell(self, words: str, theme: Theme, *, alarm: bool = False, said: str = "") -> None:
+        """words: of the state, or an alarm; said: what was answered last."""
+        self.words.setText(words)
+        weight = "bold" if alarm else "normal"
+        colour = theme.alarm if alarm else theme.ink
+        restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 15px")
+        self.said.setText(self._notice if time.monotonic() < self._until_s else said)
+        self.indicators.theme = theme
+
+    def notice(self, text: str) -> None:
+        """Show a text for a while, whatever else is told."""
+        self._notice, self._until_s = text, time.monotonic() + NOTICE_S
+        self.said.setText(text)
+
+    def mark(self, badge: str, who: str) -> None:
+        """badge: that it is simulated, or a rehearsal."""
+        self.badge.setText(badge)
+        self.badge.setVisible(bool(badge))
+        self.who.setText(who)
+
+    def without_stop(self, why: str) -> None:
+        """Nothing is there to be stopped: the place says so."""
+        self.stop_button.setText(why)
+        self.stop_button.setEnabled(False)
+
+    def refuse(self, reasons: Mapping[str, str]) -> None:
+        for name, button in self.steps.items():
+            if button.refusal != reasons.get(name, ""):
+                button.refuse(reasons.get(name, ""))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        self.show_state(*self._shown)
