@@ -9,9 +9,9 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search fuzz docs bench test-ci test-slow proof style check setup clean
+.PHONY: run test search fuzz docs figures bench test-ci test-slow proof style check setup setup-run clean
 
-run: setup
+run: setup-run
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
 	@$(BIN)/esea-gen identify tests/data/hdrb/hdrb.toml --out $(OUT)/hdrb --json $(OUT)/hdrb/identification.json
 	@$(BIN)/esea-gen build $(OUT)/hdrb/hdrb.toml --out $(OUT)/hdrb/generated
@@ -39,6 +39,10 @@ docs: setup
 	@$(BIN)/python docs/made_pages.py docs
 	@$(BIN)/zensical build --strict --clean
 	@echo "Open $(OUT)/site/index.html"
+
+# The pages' tables of figures that are not current; TABLES="laws off" names some.
+figures: setup
+	@$(BIN)/python docs/figures.py $(TABLES)
 
 bench: setup
 	@$(BIN)/python -m tests.benchmarks --json bench.json
@@ -71,6 +75,10 @@ style: setup
 
 setup:
 	@sh .ci/setup "$(PYTHON)"
+
+# A C compiler, one for the board, its emulator, and the Python packages that run here.
+setup-run:
+	@sh .ci/setup "$(PYTHON)" run
 
 clean:
 	rm -rf .venv $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

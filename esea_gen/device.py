@@ -76,6 +76,7 @@ class Device(DeviceData):
         self._laws = laws
         self.controller = controller
         self.given = origin, controller  # as it was asked for: name or path, controller
+        self.law_files: Mapping[str, bytes] = {}  # laws that came along, by their names in the file
 
     @cached_property
     @_made_once
@@ -106,7 +107,14 @@ class Device(DeviceData):
         if self._laws is not None or self.drive is None:
             return self._laws or ()
         asked = self.file.laws or [n for n in reversed(LAW_SECTIONS) if getattr(self.file, n)][:1]
-        return tuple(find_law(n) for n in asked)
+        # Relative to the file that asks for them.
+        folder = Path(self.given[0]).parent
+        return tuple(find_law(n, folder, self.law_files.get(n.rpartition(":")[0])) for n in asked)
+
+    def own_laws(self) -> dict[str, bytes]:
+        """The files of laws from outside the package that the device file names."""
+        named = zip(self.file.laws, () if self._laws else self.laws, strict=False)
+        return {n.rpartition(":")[0]: law.content for n, law in named if law.path}
 
     @cached_property
     @_made_once
@@ -179,7 +187,8 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
     if len(set(names)) != len(names):
         raise UserError(f"--controller {controller}: names one twice.", "Give each once.")
     files = [n for n in names if n in shipped_controllers() or n.endswith(".toml")]
-    if len(files) == len(names):
+    own = any(".py:" in str(n) for f in files for n in controller_document(f).get("laws", []))
+    if len(files) == len(names) and not own:
         device = Device(parse_file(text, origin, files), origin, controller=controller)
     else:
         laws: list[Law] = []
@@ -199,10 +208,9 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
 
 
 def _named_law(law: object, file: str) -> Law:
-    # A file names shipped laws only: it runs no code of its own.
-    if law not in LAWS:
+    if law not in LAWS and ".py:" not in str(law):
         raise UserError(f"{file}: laws names {law!r}.", f"Choose from {', '.join(LAWS)}.")
-    return LAWS[str(law)]
+    return find_law(str(law), Path(file).parent)
 
 
 def parse_device(text: str, origin: str) -> Device:

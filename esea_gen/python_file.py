@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import sys
+import traceback
 from pathlib import Path
 from types import ModuleType
 
@@ -30,7 +31,11 @@ def import_file(path: Path, content: bytes | None = None) -> ModuleType:
         exec(compile(text, str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
+        inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+        line = error.lineno if isinstance(error, SyntaxError) else inside and inside[-1].lineno
         raise UserError(
-            f"{path}: cannot be imported ({type(error).__name__}: {error}).", "Correct the file."
+            f"{path}{f', line {line}' if line else ''}: cannot be imported "
+            f"({type(error).__name__}: {error}).",
+            "Correct the file.",
         ) from error
     return module

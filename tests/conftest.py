@@ -113,7 +113,7 @@ def results_follow_their_schemas():
 @pytest.fixture(scope="session", autouse=True)
 def the_examples_are_trusted(tmp_path_factory):
     """What a person does once for a task file; no test reads or writes a person's own list."""
-    from esea_host.study.trust import read_code, trust
+    from esea_gen.trust import read_code, trust
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("config")))

@@ -124,8 +124,21 @@ def _main(
     verbose: Annotated[
         bool, typer.Option("-v", "--verbose", help="Keep every step said, and where errors arose.")
     ] = False,
+    trusted: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--trust",
+            metavar="SHA256",
+            help="Run the law file with this hash, from now on, where a device file names it.",
+        ),
+    ] = None,
 ) -> None:
     out.quiet, out.verbose, Shown.verbose = quiet, verbose, verbose
+    if trusted:
+        from esea_gen.trust import trust
+
+        trust(trusted)
+        out.print(f"trusted from now on: {', '.join(trusted)}")
     if version:
         print(f"esea-gen {__version__}")
         raise typer.Exit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -116,26 +117,76 @@ def _tell(name: str, found: list[str]) -> int:
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new device.")],
-    base: Annotated[str, option("--from DEVICE", "Device whose numbers to start from.")] = "elbow",
+    base: Annotated[
+        str | None,
+        option("--from DEVICE", "Device to start from; default: elbow, with --short elbow_drive."),
+    ] = None,
+    short: Annotated[
+        bool, option("--short", "Ask for a dozen numbers of a drive; the others are scaled.")
+    ] = False,
+    give: Annotated[
+        list[str] | None,
+        option("--give KEY=VALUE", "With --short: an answer, such as gear_ratio=50; repeatable."),
+    ] = None,
     target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
 ) -> None:
-    """Write a commented device file to edit; its numbers are copied, each marked as assumed."""
-    from esea_gen.device import copy_device
+    """Write a device file to edit: a commented copy, or with --short a dozen numbers of a drive."""
     from esea_gen.devices.fields import SCHEMA_FILE
+    from esea_gen.devices.file import check_new_name
 
-    device = copy_device(esea_gen.load_device(base), name)
+    check_new_name(name)
     path = target or Path(f"{name}.toml")
     beside = path.parent / SCHEMA_FILE
     if path.exists():
         raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
+    if give and not short:
+        raise UserError("--give answers the questions of --short.", "Add --short.")
+    text = _short(name, base or "elbow_drive", give or []) if short else _copy(name, base)
     fresh = not beside.exists()
     if fresh:
         write_whole(beside, _schema_text())
     # The first line tells editors where the schema is.
-    write_whole(path, f"#:schema ./{SCHEMA_FILE}\n{device.toml()}")
+    write_whole(path, f"#:schema ./{SCHEMA_FILE}\n{text}")
     out.print(f"device file: {path}")
     out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
     out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
+    if short:
+        out.print(f"Try it, simulated: esea-gen simulate tuning --controller {path}")
+
+
+def _copy(name: str, base: str | None) -> str:
+    from esea_gen.device import copy_device
+
+    return copy_device(esea_gen.load_device(base or "elbow"), name).toml()
+
+
+def _short(name: str, base: str, words: list[str]) -> str:
+    from esea_gen.device import parse_device
+    from esea_gen.devices.short import (
+        QUESTIONS,
+        read_answer,
+        read_given,
+        refuse_missing,
+        short_text,
+    )
+
+    given = read_given(words)
+    if not sys.stdin.isatty():
+        refuse_missing(given)
+    out.print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
+    for k, q in enumerate(QUESTIONS, 1):
+        while q.name not in given:
+            out.print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")
+            try:
+                typed = input(f"   {q.name} [{q.typical:g}]: ").strip()
+                given[q.name] = read_answer(q, typed or str(q.typical))
+            except UserError as error:
+                out.print(f"   {error}")
+            except EOFError:
+                raise UserError("No more answers came; nothing was written.", "") from None
+    text = short_text(name, base, given)
+    _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
+    return text
 
 
 def _schema_text() -> str:

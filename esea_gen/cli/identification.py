@@ -15,12 +15,14 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.errors import UserError, choose
-from esea_gen.files import read_json, write_json, write_whole
+from esea_gen.files import plain, read_json, write_json, write_whole
 
 if TYPE_CHECKING:
+    from esea_gen.identify.family.compare import ModelComparison
     from esea_gen.identify.published.search_problem import PresentBest, Searching
 
 PUBLISHED = "published"
+CHOSEN = "chosen"
 LEAST_BETWEEN_S = 2.0  # two drawings of a search
 
 SearchOption = Annotated[
@@ -62,15 +64,17 @@ def identify(
     model: Annotated[
         str,
         option(
-            "--model NAME", 'Torque model: published, or a member of the family, as "slips, worn".'
+            "--model NAME",
+            "Torque model: chosen by held-out error, published, or a member of the family, as "
+            '"slips, worn".',
         ),
-    ] = PUBLISHED,
+    ] = CHOSEN,
     compare: Annotated[
         bool,
         option(
             "--compare",
-            "Compare models by conditions left out; with --out, write the chosen one's "
-            "device file.",
+            "Only compare models, two from the literature too; with --out, write the chosen "
+            "one's device file.",
         ),
     ] = False,
     search: SearchOption = "multi-start",
@@ -81,12 +85,14 @@ def identify(
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
     how = _searching(search, jobs, resume, draw)
-    if model != PUBLISHED and (search, resume, draw) != ("multi-start", None, None):
+    if inverse and model == CHOSEN and not compare:
+        model = PUBLISHED
+    if model not in (CHOSEN, PUBLISHED) and (search, resume, draw) != ("multi-start", None, None):
         raise UserError(
             f"Nothing is searched in '{model}': a member's weights are solved.",
             "Leave --search, --resume and --draw out.",
         )
-    if compare and (inverse or model != PUBLISHED):
+    if compare and (inverse or model != CHOSEN):
         given = "--inverse" if inverse else "--model"
         raise UserError(f"--compare chooses the model itself: {given}.", f"Leave {given} out.")
     if inverse and model != PUBLISHED:
@@ -98,9 +104,9 @@ def identify(
     if not compare:
         _identify_model(mapping, data, folder, model, inverse, json_file, how)
         return
-    chosen = _compare_models(mapping, data, json_file, how)
+    compared = _compare_models(mapping, data, json_file, how)
     if folder is not None:
-        _identify_model(mapping, data, folder, chosen, False, None, how)
+        _identify_model(mapping, data, folder, CHOSEN, False, None, how, compared)
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
@@ -133,8 +139,10 @@ def _identify_model(
     inverse: bool,
     json_file: Path | None,
     how: Searching,
+    compared: ModelComparison | None = None,
 ) -> None:
     from esea_gen.identify import identify as identify_published
+    from esea_gen.identify.choosing import identify_chosen
     from esea_gen.identify.family.identification import identify_member
     from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
@@ -143,7 +151,9 @@ def _identify_model(
     with progress_share() as tell:
         result: Identified
         refit = None
-        if model != PUBLISHED:
+        if model == CHOSEN:
+            result, compared = identify_chosen(mapping, data, tell, how, compared)
+        elif model != PUBLISHED:
             result = identify_member(mapping, model, data, tell)
         elif inverse:
             result, refit = refit_identified(identify_published(mapping, data, tell, how), tell)
@@ -151,6 +161,8 @@ def _identify_model(
             result = identify_published(mapping, data, tell, how)
     target = folder or Path("identified") / result.device.name
     content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
+    if compared is not None:
+        content["choice"] = compared.choice.to_dict() | {"compare": plain(compared.rows)}
     page, text = target / f"{result.device.name}.html", identification_page(result)
     if page.is_dir():
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
@@ -166,7 +178,7 @@ def _identify_model(
 
 def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
-) -> str:
+) -> ModelComparison:
     from esea_gen.identify.family.compare import compare
     from esea_gen.verify.step_count import missing_tool, sensor_instructions
 
@@ -182,7 +194,7 @@ def _compare_models(
             how=how,
         )
     show(result, json_file, "identify-compare")
-    return result.chosen
+    return result
 
 
 @app.command()

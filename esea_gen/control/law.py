@@ -6,17 +6,13 @@ one from outside the package is named ``FILE.py:law`` wherever a law's name is t
 
 from __future__ import annotations
 
-import difflib
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.component import Component
-from esea_gen.python_file import import_file
 
 
 @dataclass(frozen=True)
@@ -110,6 +106,10 @@ class Law:
         Section of the device file that it takes its numbers from; empty when it needs none.
     digest : str
         SHA-256 of the file that it comes from, for one from outside the package.
+    path : Path, optional
+        That file.
+    content : bytes
+        What stands in it.
     """
 
     name: str
@@ -117,49 +117,5 @@ class Law:
     parts: Callable[[Base], Parts]
     section: str = ""
     digest: str = ""
-
-
-def outside_law(text: str) -> Law:
-    """A law from a file outside the package.
-
-    Parameters
-    ----------
-    text : str
-        ``FILE.py:name``, the name of a :class:`Law` in it.
-
-    Returns
-    -------
-    Law
-        The law.
-
-    Raises
-    ------
-    UserError
-        When there is no such file or law in it, or it cannot be imported.
-    """
-    given, _, name = text.rpartition(":")
-    path = Path(given)
-    if not path.is_file():
-        raise UserError(f"{text}: there is no file {given}.", "Write FILE.py:law.")
-    module = import_file(path)
-    found = {k: v for k, v in vars(module).items() if isinstance(v, Law)}
-    if name not in found:
-        close = difflib.get_close_matches(name, found, n=1)
-        hint = f"Did you mean {close[0]}? " if close else ""
-        listed = ", ".join(found) or "none"
-        raise UserError(f"{path.name}: no law '{name}' in it.", f"{hint}Laws there: {listed}.")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    law = found[name]
-
-    def parts(base: Base) -> Parts:
-        try:
-            return law.parts(base)
-        except UserError:
-            raise
-        except Exception as error:
-            raise UserError(
-                f"{path.name}: law {law.name} fails ({type(error).__name__}: {error}).",
-                "Correct the file.",
-            ) from error
-
-    return Law(law.name, law.title, parts, law.section, digest)
+    path: Path | None = None
+    content: bytes = field(default=b"", repr=False)

@@ -14,7 +14,9 @@ from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
+from esea_gen.control.limits.monitor import monitor
 from esea_gen.control.limits.redundancy import redundancy
+from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
 from esea_gen.control.reference import reference
 from esea_gen.control.shown import gains_reference
@@ -24,7 +26,7 @@ from esea_gen.language.alike import emitted_once
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
-from esea_gen.model.encoder import encoder
+from esea_gen.model.encoder import SIDES, encoder
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.model.joint import deflection
 from esea_gen.model.sensing import AxisParts, instance_of, of_axes
@@ -102,6 +104,14 @@ EXTRAS = {
         },
         outputs={n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")},
     ),
+    "monitor": _Extra(
+        {"doubt": "monitor.doubt"},
+        inputs={
+            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor.{n}_{side}")
+            for side in SIDES
+            for n in ("count", "frame_error")
+        },
+    ),
     # It stands between set torque and law, and between command and limits.
     "passivity": _Extra(
         {n: f"passivity.{n}" for n in ("tau_set_Nm", "request_ok")},
@@ -169,8 +179,13 @@ def control_system(
     base = _base(device, velocity, sensor, inverse)
     parts = [law.parts(base) for law in laws]
     sense, control = _blocks(base, laws, parts)
-    one = _wired(emitted_once({**sense, **control}), laws, parts)
-    return _of_axes(device, one, len(sense))
+    try:
+        one = _wired(emitted_once({**sense, **control}), laws, parts)
+        return _of_axes(device, one, len(sense))
+    except ValueError as error:
+        if (told := wrong_wire(laws, error)) is not None:
+            raise told from error
+        raise
 
 
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
@@ -189,6 +204,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
+        **({"monitor": monitor(device)} if device.file.monitor else {}),
         "limits": limits(device),
         "drive": drive_observer(device),
         **({"gear": gear_observer(device)} if redundant else {}),
@@ -237,6 +253,8 @@ def _wired(every: dict[str, Component], laws: Sequence[Law], parts: Sequence[Par
         inputs |= extra.inputs
         wires |= extra.wires
         known |= extra.signals
+    if "monitor" in every:
+        wires["monitor.u_command_Nm"] = wires["limits.u_command_Nm"]
     signals = dict.fromkeys(every, known)
     for part in parts:
         wires |= part.wires

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
+from esea_gen.devices.drive_relations import check_drive
 from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
 from esea_gen.devices.numbers import Facts, Quantity, Series, beyond, numbers_of
 from esea_gen.devices.rubber import LEAST_FACTOR, FamilyTemperature, FamilyTerm
@@ -237,6 +238,7 @@ EXTEND = 'Add it, or write extends = "elbow_drive" and give what differs.'
 # What a section does, and which others it does it with.
 NEEDS = {
     "redundancy": ("compares the drive with the joint", ("actuator", "joint")),
+    "monitor": ("watches a drive's encoders and command", DRIVE),
     "passivity": ("bounds what a drive gives", DRIVE),
     "adaptation": ("turns what a drive is asked for", DRIVE),
     "cable": ("goes with the motor's own encoder", ("redundancy",)),
@@ -411,4 +413,6 @@ def _check_encoder(file: DeviceFile) -> Iterator[UserError]:
                 )
 
 
-RELATIONS = (check_rubber, _check_relations, _check_control, _check_inverse, _check_encoder)
+RELATIONS = (
+    check_rubber, _check_relations, _check_control, _check_inverse, _check_encoder, check_drive,
+)  # fmt: skip

@@ -37,7 +37,11 @@ class Designed:
     command: str = ""
 
 
+RATIO = "actuator.gear_ratio"
+# What of a rotor's is felt at the joint, by the power of the ratio with which it goes.
+REFLECTED = {"J_kgm2": 2, "fv_Nms_rad": 2, "fc_Nm": 1}
 DESIGNED = (
+    Designed("actuator", tuple(REFLECTED), (RATIO,)),
     Designed("disturbance", OBSERVER_GAINS, ("timing.sense_rate_Hz", "joint.Jh_kgm2")),
     Designed("sliding_mode", ("lambda_1_s", "phi_rad_s"), LOOP, "tune"),
     Designed("predictive", ("interval_s", "Q", "R"), LOOP, "simulate tuning"),
@@ -127,6 +131,12 @@ def _said(
     ).replace("nan", "none")
     if group.command:
         fix = f"See what they give here: esea-gen {group.command} --controller {origin}"
+    elif group.section == "actuator":
+        ratio = _number(device, RATIO) / _number(document, RATIO)
+        same = {g: _number(device, f"actuator.{g}") * ratio ** REFLECTED[g] for g in gains}
+        fix = "The same motor behind this gear: " + ", ".join(
+            f"{g} = {v:.3g}" for g, v in same.items()
+        )
     else:
         same = observer_gains(document, device)
         fix = "The same poles in time: " + ", ".join(

@@ -21,7 +21,8 @@ MOST_AXES = 6  # their torques, rates and status words fit one telemetry frame
 TABLE_SIZES = (4, 8, 16, 32, 64)  # of an encoder's correction: a turn's counts divide evenly
 
 
-LAW_PATTERN = r"^[a-z][a-z0-9_]{0,14}$"
+# A shipped law, or one of a Python file in the device file's folder.
+LAW_PATTERN = r"^([a-z][a-z0-9_]{0,14}|[^:\x00-\x1f]+\.py:[A-Za-z_][A-Za-z0-9_]*)$"
 MOST_LAWS = 8
 # Sections that laws take their numbers from, with what else of the file they need.
 LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
@@ -120,6 +121,13 @@ class Encoder(Section):
     motor: EncoderSide | None = table("The one on the motor's side.")
     load: EncoderSide | None = table("The one on the load's side.")
 
+    def unzeroed(self) -> Encoder:
+        """The same encoders on another machine, where nobody has zeroed them yet."""
+        sides = {"motor": self.motor, "load": self.load}
+        return self.model_copy(
+            update={n: e and e.model_copy(update={"zero_rad": None}) for n, e in sides.items()}
+        )
+
 
 class Inverse(Section):
     """Inverse of the elastomer model: which one turns a desired torque into a deflection."""
@@ -152,6 +160,9 @@ class Actuator(Section):
     omega_max_rad_s: Quantity = number(1e-2, 1000, "Largest plausible |motor side's speed|.")
     encoder_bits: Quantity = number(
         8, 32, "Counts per turn of the motor shaft, as a power of two.", whole=True
+    )
+    rotor_kgm2: Quantity | None = optional(
+        1e-9, 1, "Rotor's inertia from its data sheet; checks J_kgm2, and nothing computes with it."
     )
     # What a recording of the drive tells beside these; no controller computes with it.
     stribeck_Nm: Quantity | None = optional(
@@ -297,6 +308,16 @@ class Redundancy(Section):
     rate_1_s: Quantity = number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
 
+class Monitor(Section):
+    """What a sound encoder and a sound loop do not do; the limits latch where one does it."""
+
+    noise_rad: Quantity = number(0, 0.1, "Noise of a sound joint encoder, effective value.")
+    window_s: Quantity = number(1e-2, 10, "Time over which an angle's roughness is averaged.")
+    swings_1_s: Quantity = number(
+        1, 1000, "Swings of the command from limit to limit in a second that are too many."
+    )
+
+
 class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
@@ -381,7 +402,8 @@ class DeviceFile(Section):
         default=(),
         max_length=MOST_LAWS,
         description="Control laws of a device with a drive, the first one in force after the "
-        "start; predictive where the file has that section, else sliding_mode, when left out.",
+        "start; predictive where the file has that section, else sliding_mode, when left out.  "
+        "One of your own is written FILE.py:LAW.",
     )
     elastomer: Elastomer | None = table(
         "Torque model of the rubber coupling, equations 3.1 to 3.11; needed where "
@@ -406,6 +428,10 @@ class DeviceFile(Section):
     redundancy: Redundancy | None = table(
         "Comparison of all encoders and the motor's torque; left out, a joint encoder "
         "that is wrong but plausible is not found."
+    )
+    monitor: Monitor | None = table(
+        "Roughness and stuck bits of the joint encoders, and a motor that swings between its "
+        "limits; left out, none of these is found by itself."
     )
     passivity: PassiveInteraction | None = table(
         "Damping that a law lacks, and a bound of the energy that the drive gives; "

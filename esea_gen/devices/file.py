@@ -20,9 +20,11 @@ from pydantic import BaseModel
 
 from esea_gen.devices.checks import check_content
 from esea_gen.devices.designed import tell_of_bandwidth, tell_of_gains
+from esea_gen.devices.drive_relations import tell_of_drive
 from esea_gen.devices.fields import MOST_AXES, NAME_PATTERN, SCHEMA, DeviceFile
 from esea_gen.devices.numbers import Quantity, Section, Series, changed, numbers_of, toml_entry
 from esea_gen.devices.rubber import Elastomer
+from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
@@ -186,6 +188,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
         tell_of_gains(origin, document, _shipped("disturbance"))
     else:
         tell_of_bandwidth(origin, document, _shipped("velocity"))
+    tell_of_drive(origin, file)
     return file
 
 
@@ -193,7 +196,13 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
     document = parse_toml(text, origin, "the shipped elbow.toml")
     base, controller = document.pop("extends", None), document.pop("controller", None)
+    scaled = document.pop("scaled", False)
     controllers = () if controller is None else (str(controller),)
+    if not isinstance(scaled, bool) or (scaled and base is None):
+        raise UserError(
+            f"{origin}: scaled = {scaled!r}{'' if base else ' without extends'}.",
+            'Write scaled = true beside extends = "elbow_drive", or take it out.',
+        )
     if base is None:
         return _with_controllers(document, controllers)
     shipped = shipped_devices()
@@ -203,7 +212,11 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             f"Shipped: {', '.join(sorted(shipped))}.",
         )
     below = _with_controllers(_resolved(*read_file(base)), controllers)
-    return _merged(below, document)
+    # A zero belongs to one machine's encoder: another one has none until it is calibrated.
+    for side in below.get("encoder", {}).values():
+        side.pop("zero_rad", None)
+    merged = _merged(below, document)
+    return scaled_to(merged, document, below, base) if scaled else merged
 
 
 @cache
@@ -292,7 +305,8 @@ def _fix(problem: Problem) -> str | UserError:
     return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
 
 
-def copied_file(base: DeviceData, name: str) -> DeviceFile:
+def check_new_name(name: str) -> None:
+    """Reject a name that a device of one's own cannot have."""
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
@@ -301,9 +315,14 @@ def copied_file(base: DeviceData, name: str) -> DeviceFile:
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 
+
+def copied_file(base: DeviceData, name: str) -> DeviceFile:
+    check_new_name(name)
+
     def assumed(number: Quantity | Series) -> Quantity | Series:
         source = f"copied from {base.name}: {number.source}"
         return number.model_copy(update={"status": "assumed", "source": source})
 
     title = f"{name}: new device, all numbers copied from {base.name}"
-    return changed(base.file.model_copy(update={"name": name, "title": title}), assumed)
+    update = {"name": name, "title": title, "encoder": base.file.encoder.unzeroed()}
+    return changed(base.file.model_copy(update=update), assumed)

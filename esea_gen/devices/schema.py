@@ -22,7 +22,10 @@ def json_schema() -> dict[str, Any]:
         )
     )
     needed = _required(content)
-    content["properties"] = {"extends": extends, "controller": controller} | content["properties"]
+    about = "Numbers that this file does not give are scaled from the base's to those it gives."
+    head = {"extends": extends, "controller": controller}
+    head |= {"scaled": {"type": "boolean", "description": about}}
+    content["properties"] = head | content["properties"]
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "Device file of esea-gen",

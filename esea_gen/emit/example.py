@@ -23,6 +23,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
 from esea_gen.model.drive import NominalDrive
+from esea_gen.model.sensing import zeros_missing
 
 SAMPLES = 12  # of a triangle
 MOST_PEAK = 255
@@ -311,9 +312,7 @@ class _Recording:
         self.start = self.arm + ARMED_TICKS
         self.end = self.start + MOVE_TICKS
         self.ticks = self.end + max(REST_TICKS, every + 1)
-        self.tunables = {
-            i: {"zeroed": 1.0} for i, t in system.tunables if (t.name, t.default) == ("zeroed", 0.0)
-        }
+        self.tunables = zeros_missing(system)
         low, high = (_default(system, "limits", f"rom_{end}_rad") for end in ("min", "max"))
         self.middle = 0.5 * (low + high)
         # The nominal drive answers to the command: motor and motion may not contradict each other.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from esea_gen.devices.fields import DeviceFile, Domain, Encoder, Limits, Timing,
 from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
 from esea_gen.devices.rubber import Elastomer, Maxwell
-from esea_gen.identify.published.fit import Fit, Progress, search
+from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels, search
 from esea_gen.identify.published.plant import FittedPlant, Uncertainty
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.published.space import EPS2_DEFAULT, Space, at_bound, place_of
@@ -25,6 +26,7 @@ from esea_gen.model.elastomer import RATE_KEYS
 
 # Rate of a search or a fit on recordings with time, where the mapping gives none.
 FIT_RATE_HZ = 100.0
+Status = Literal["identified", "assumed"]  # of a number that was fitted
 
 
 def grid_rate(source: MappingFile) -> float:
@@ -53,18 +55,18 @@ def origin_of(source: MappingFile, files: str) -> str:
     return f"{files} ({source.origin}{said})"
 
 
-def files_of(recordings: Sequence[Recording], only_training: bool = True) -> str:
-    """The first one's name and the number of others."""
-    names = [
-        r.file for r in recordings if not only_training or any(len(s.training) for s in r.sets)
-    ]
+def files_of(recordings: Sequence[Recording]) -> str:
+    """Files that train: the first one's name and the number of others."""
+    names = list(dict.fromkeys(r.file for r, _ in training_sets(recordings)))
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
 def largest_torque(source: MappingFile, recordings: Sequence[Recording]) -> float:
-    """100 % of errors: the mapping's, or the largest recorded torque."""
+    """100 % of errors: the mapping's, or the largest torque in files that train."""
     asked = source.mapping.full_scale_Nm
-    return asked.value if asked else max(float(np.abs(r.tau_Nm).max()) for r in recordings)
+    if asked:
+        return asked.value
+    return max(float(np.abs(r.tau_Nm).max()) for r, _ in training_sets(recordings))
 
 
 def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) -> Device:
@@ -80,7 +82,7 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     full = m.full_scale_Nm or Quantity(
         value=largest_torque(source, recordings),
         status="identified",
-        source=f"largest |torque| of {origin_of(source, files_of(recordings, False))}",
+        source=f"largest |torque| of {where}",
     )
     largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
 
@@ -177,32 +179,38 @@ def fitted_device(
     return with_numbers(template, found | {"limits.tau_Nm": limit})
 
 
+def determined(value: float, sigma: float) -> bool:
+    """Whether a fitted number is told from 0: else it is not called identified."""
+    return sigma < abs(value)
+
+
 def sourced_device(
     source: MappingFile, recordings: list[Recording], device: Device, fit: Fit, spread: Uncertainty
 ) -> Device:
     """Parameters that say where they come from and how sure they are; then the usual checks."""
     where = origin_of(source, files_of(recordings))
     timed = all(r.timed for r in recordings)
-    doubtful = {"eps2"} if timed else set(RATE_KEYS)
 
-    def describe(key: str) -> str:
+    def described(key: str, value: float) -> Quantity:
         if key == "eps2":
-            return "fixed: A, eps1, B and eps2 may all be multiplied by one number"
-        bound = at_bound(key, fit.values[key])
+            text = "fixed: A, eps1, B and eps2 may all be multiplied by one number"
+            return Quantity(value=value, status="assumed", source=text)
+        bound, sigma = at_bound(key, value), spread.sigma.get(key)
+        known = False
         if bound:
-            return f"{where}; at its {bound} bound"
-        sigma = spread.sigma.get(key)
-        if sigma is None or not math.isfinite(sigma):
-            return f"{where}; the torque does not depend on it"
-        period = "" if timed or key not in RATE_KEYS else "; on an assumed sampling period"
-        return f"{where}; standard deviation {sigma:.2g}{period}"
+            text = f"at its {bound} bound"
+        elif key in fit.edges:
+            text = fit.edges[key]
+        elif sigma is None or not math.isfinite(sigma):
+            text = "the torque does not depend on it"
+        else:
+            text, known = f"standard deviation {sigma:.2g}", determined(value, sigma)
+        if not timed and key in RATE_KEYS:
+            text, known = f"{text}; on an assumed sampling period", False
+        status: Status = "identified" if known else "assumed"
+        return Quantity(value=value, status=status, source=f"{where}; {text}")
 
-    found = {
-        place_of(k): Quantity(
-            value=v, status="assumed" if k in doubtful else "identified", source=describe(k)
-        )
-        for k, v in fit.values.items()
-    }
+    found = {place_of(k): described(k, v) for k, v in fit.values.items()}
     file = with_numbers(device, found).file
     return parse_device(render_toml(file), f"{file.name}.toml")
 
@@ -224,6 +232,16 @@ def searched(
         max(float(r.time_s[-1]) for r in recordings),
     )
     return space, rate
+
+
+def published_channels(
+    source: MappingFile, recordings: list[Recording], how: Searching | None
+) -> PublishedChannels:
+    """The published model, by which a lag, a backlash or a dead zone is fitted."""
+    template = draft(source, recordings, source.mapping.device.rate_terms)
+    asked = source.mapping.search
+    space, rate = searched(source, template, recordings)
+    return PublishedChannels(template, space, rate, asked.seed, asked.population, how)
 
 
 def fit_split(

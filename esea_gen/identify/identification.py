@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from esea_gen.identify.drafting import draft, fit_split, searched, sourced_device
+from esea_gen.identify.drafting import draft, fit_split, published_channels, sourced_device
 from esea_gen.identify.identified import Identified, excused_of, gate_notes, gated
 from esea_gen.identify.notes import band_notes, notes_of
-from esea_gen.identify.published.fit import Fit, Progress, PublishedChannels
+from esea_gen.identify.published.fit import Fit, Progress
 from esea_gen.identify.published.plant import Uncertainty, uncertainty
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.channels import settled
-from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.verdict import Verdict, worth_of
 from esea_gen.language.ports import unit_of
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
@@ -120,7 +119,7 @@ def identify(
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
     source = load_mapping(mapping_path, data_folder)
-    source, recordings, channels = settled(source, lambda s, r: _channel_model(s, r, how))
+    source, recordings, channels = settled(source, lambda s, r: published_channels(s, r, how))
     rate_terms = source.mapping.device.rate_terms
     template = draft(source, recordings, rate_terms)
     bare = draft(source, recordings, False)
@@ -166,12 +165,3 @@ def identify(
 
 def _part(tell: Progress, low: float, high: float) -> Progress:
     return lambda share, text: tell(low + (high - low) * share, text)
-
-
-def _channel_model(
-    source: MappingFile, recordings: list[Recording], how: Searching | None
-) -> PublishedChannels:
-    template = draft(source, recordings, source.mapping.device.rate_terms)
-    asked = source.mapping.search
-    space, rate = searched(source, template, recordings)
-    return PublishedChannels(template, space, rate, asked.seed, asked.population, how)

@@ -81,7 +81,7 @@ def notes_of(
     notes += recording_notes(source, recordings)
     notes += specimen_notes(verdict, softens=False)
     notes += temperature_notes(recordings)
-    notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges]
+    notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges.values()]
     for key, value in fit.values.items():
         bound = None if key == "eps2" else at_bound(key, value)
         sigma = spread.sigma.get(key)
@@ -215,7 +215,7 @@ def temperature_notes(
 
 
 def told_apart_notes(
-    fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float]
+    fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float | None]
 ) -> list[str]:
     """Which terms of a member what trains does not tell apart, and what would."""
     terms, notes, others = fitted.member.terms, [], []
@@ -238,7 +238,7 @@ def told_apart_notes(
             "Not told apart by what trains, so that the simpler one in brackets carries the "
             f"torque: {'; '.join(others)}."
         )
-    open_ended = [terms[i].text for i, s in sigma.items() if not math.isfinite(s)]
+    open_ended = [terms[i].text for i, s in sigma.items() if s is not None and not math.isfinite(s)]
     if open_ended:
         notes.append(
             "Not determined, other weights of these give the same torque in what trains (standard "

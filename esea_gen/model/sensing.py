@@ -59,6 +59,13 @@ def without_axis(name: str, axis: str) -> str:
     return bare if of_axis(bare, axis) == name else name
 
 
+def zeros_missing(system: System) -> dict[str, dict[str, float]]:
+    """Tunables that zero the encoders which have no zero, where 0 is known to be right."""
+    return {
+        i: {"zeroed": 1.0} for i, t in system.tunables if (t.name, t.default) == ("zeroed", 0.0)
+    }
+
+
 class AxisParts(NamedTuple):
     """Blocks, wires, inputs and outputs of a System, or of one axis of it."""
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
-from esea_gen.identify.family.compare import THESIS
+from esea_gen.identify.family.choice import THESIS
 from esea_gen.identify.notes import LIKELY
 from esea_gen.identify.published.space import place_of
 from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES

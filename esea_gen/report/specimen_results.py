@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
 from esea_gen.files import plain, read_result
 from esea_gen.identify import MappingFile, Recording, identify, judge, load_mapping, load_recordings
-from esea_gen.identify.family.compare import THESIS, CompareRow
+from esea_gen.identify.choosing import identify_chosen
+from esea_gen.identify.family.choice import THESIS, CompareRow
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
@@ -58,9 +59,8 @@ class _Compared:
     full_scale_Nm: float
     compare: list[CompareRow]
     chosen: str
-    best: str
-    standard_error: float
     notes: list[str]
+    reasons: list[str] = field(default_factory=list)  # an older file has none
 
 
 @dataclass(frozen=True)
@@ -147,12 +147,13 @@ def gather_specimen(
         verdict = judge(device, recordings)
         _check_device(given[IDENTIFIED][0], identified, verdict)
     else:
-        model = others[COMPARED]["chosen"] if COMPARED in others else THESIS
-        result = (
-            identify(mapping, data, tell)
-            if model == THESIS
-            else identify_member(mapping, model, data, tell)
-        )
+        model = others[COMPARED]["chosen"] if COMPARED in others else None
+        if model is None:
+            result, _ = identify_chosen(mapping, data, tell)
+        elif model == THESIS:
+            result = identify(mapping, data, tell)
+        else:
+            result = identify_member(mapping, model, data, tell)
         identified = plain(result.to_dict(), null=True)
         device, verdict = result.device, result.verdict
     if COMPARED in given:

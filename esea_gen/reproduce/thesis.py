@@ -125,6 +125,7 @@ class Printed:
     most: float = 0.0  # the same, with ``because``
     least: float = math.inf  # how often a claim holds at least, with ``because``
     because: str = ""
+    says: str = ""  # of a claim: section and words of the thesis
     simulated: bool = False
 
     @property
@@ -161,7 +162,7 @@ class VerdictOn:
             | {"off": self.off.get(n)}
             for n in dict.fromkeys([*p.published, *self.ours])
         ]
-        printed = {k: getattr(p, k) for k in ("id", "chapter", "title", "unit", "command")}
+        printed = {k: getattr(p, k) for k in ("id", "chapter", "title", "unit", "command", "says")}
         simulated = p.simulated and bool(self.ours)
         own = {"verdict": self.verdict, "why": self.why, "rows": rows, "simulated": simulated}
         return printed | own
@@ -201,8 +202,7 @@ def judge_printed(p: Printed, ours: Mapping[str, float] | None) -> VerdictOn:
 def _claims(p: Printed, ours: Mapping[str, float]) -> VerdictOn:
     missed = {n: ours[n] for n, x in p.published.items() if ours[n] != x}
     if not missed:
-        why = "; ".join(filter(None, ["as the thesis says", p.because]))
-        return VerdictOn(p, REPRODUCED, why, ours)
+        return VerdictOn(p, REPRODUCED, p.because, ours)
     told = "; ".join(f"{n}: {x:g}" for n, x in missed.items())
     if p.because and min(missed.values()) >= p.least:
         return VerdictOn(p, DIFFERS, f"{told}: {p.because}", ours)
@@ -301,6 +301,7 @@ def _section(j: VerdictOn) -> list[str]:
     simulated = " Ours is **simulated**." if p.simulated and j.ours else ""
     why = f": {j.why}" if j.why else ""
     out = [f"### {p.id}: {p.title}", "", f"**{j.verdict}**{why}.{simulated}", ""]
+    out += [f"Printed: {p.says}.", ""] if p.says else []
     names = dict.fromkeys([*p.published, *j.ours])
     if names and (j.ours or p.published):
         unit = f" / {p.unit}" if p.unit else ""

@@ -23,7 +23,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
-from esea_gen.model.sensing import of_axis
+from esea_gen.model.sensing import of_axis, zeros_missing
 from esea_gen.twin.encoders import ENCODERS
 from esea_gen.twin.faults import KINDS, EncoderFault
 from esea_gen.twin.hand_plant import grouped, prepared, twin_system
@@ -389,7 +389,9 @@ class ClosedLoop:
         held_rad = [first[of_axis("theta_rad", a)][-1] for a in self.axes]
         path = self._path(signals, n, held_rad, seed)
 
-        coeffs = self._prepared(self.controller, self._prefix, controller_tunables or {})
+        # Encoders that no calibration has zeroed: their zeros are this plant's.
+        settings = {**zeros_missing(self.controller), **(controller_tunables or {})}
+        coeffs = self._prepared(self.controller, self._prefix, settings)
         plant_coeffs = self._prepared(self.plant, self._plant_prefix, grouped(self.plant, values))
         state = self.ffi.new(f"{self._prefix}_state_t *")
         plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")

@@ -22,7 +22,11 @@ def controllers() -> list[str]:
 
 def controller_device(controller: str) -> Device:
     if (controller.endswith(".toml") and "@" not in controller) or controller in shipped_devices():
-        return _simulated(_device(controller, None, read_file(controller)[0]))
+        text = read_file(controller)[0]
+        device = _device(controller, None, text)
+        if any(law.path and _content(str(law.path)) != law.digest for law in device.laws):
+            device = _device.__wrapped__(controller, None, text)  # a law of it was edited
+        return _simulated(device)
     names, _, base = controller.partition("@")
     parts = names.split(",")
     for part in parts:

@@ -14,6 +14,9 @@ KINDS = {
     "slip": (0.0838, "rad", "the reading jumps once"),
     "drift": (0.05, "rad/s", "the reading moves away at a steady rate"),
     "gain": (0.8, "", "what is moved from now on is read times this"),
+    "zero": (3.0, "", "this bit of the count is 0, the lowest being 0"),
+    "one": (3.0, "", "this bit of the count is 1, the lowest being 0"),
+    "noise": (0.008, "rad", "white noise of this effective value is added"),
 }
 SIDES = {
     "load": ("load",),

@@ -16,6 +16,7 @@ from esea_gen.model.sections import section_of
 from esea_gen.twin.published import PEOPLE, PLANTS
 
 SINES = 6
+MOTOR_NM = 0.221  # largest torque of the standard plants' motor
 STEP_S = 2e-4  # docs/twin.md has the evidence
 
 
@@ -85,7 +86,10 @@ def _bounds(device: DeviceData) -> list[Tunable]:
     stops, trip = PLANTS.stops, PLANTS.trip
     jaw_Nm_rad, jaw_Nms_rad = stops.coupling_stiffness_Nm_rad, stops.coupling_damping_Nms_rad
     end_Nm_rad, end_Nms_rad = stops.joint_stiffness_Nm_rad, stops.joint_damping_Nms_rad
-    speed, torque, window = trip.speed_rad_s, trip.torque_rms_Nm, trip.torque_window_s
+    speed, window = trip.speed_rad_s, trip.torque_window_s
+    # What heats the windings of the standard motor, or of the device's own by its largest torque.
+    share = device.file.actuator.u_max_Nm.value / MOTOR_NM if device.file.actuator else 1.0
+    torque = trip.torque_rms_Nm * share
     return [
         assumed("gear_disturbance_rms_rad_s2", 0, 0, 100, "effective value of d4, eq. 5.2"),
         assumed("elastomer_scale", 1, 0.1, 10, "true torque over the model's torque"),

@@ -245,4 +245,5 @@ static inline uint32_t esea_ticks(uint32_t ms)
     return ticks > 0u ? ticks : 1u;
 }
 
+
 #endif

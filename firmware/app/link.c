@@ -83,6 +83,9 @@ static uint8_t do_command(esea_app_t *app, const mavlink_command_long_t *command
     case ESEA_LINK_CMD_CLEAR:
         return ask(app, ESEA_EVENT_CLEAR);
     case ESEA_LINK_CMD_STOP:
+        /* Sent again, as who waits for STOPPED does, it is not the second stop, which switches off at once. */
+        if (command->confirmation > 0u && app->state == ESEA_STATE_STOPPING)
+            return MAV_RESULT_ACCEPTED;
         return ask(app, ESEA_EVENT_STOP);
     case ESEA_LINK_CMD_RELEASE:
         return ask(app, ESEA_EVENT_RELEASE);

@@ -22,6 +22,13 @@ static ESEA_STATE at_rest(const esea_guards_t *guards)
     return guards->referenced ? ESEA_STATE_READY : ESEA_STATE_UNREFERENCED;
 }
 
+/* Where a stop leads that finds the motor holding torque: a first one, of sound limits and not by the
+ * stop line, releases it under control. */
+static ESEA_STATE stopped(const esea_guards_t *guards)
+{
+    return guards->released && guards->stop_clear ? ESEA_STATE_STOPPING : ESEA_STATE_STOPPED;
+}
+
 static bool starting(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guards)
 {
     const bool booting = *state == ESEA_STATE_BOOT;
@@ -131,7 +138,7 @@ static bool armed(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guar
 
     switch (event) {
     case ESEA_EVENT_STOP:
-        return to(state, ESEA_STATE_STOPPED);
+        return to(state, active ? stopped(guards) : ESEA_STATE_STOPPED);
     case ESEA_EVENT_FAILED:
         return to(state, ESEA_STATE_FAULT);
     case ESEA_EVENT_ON:
@@ -162,14 +169,16 @@ static bool armed(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guar
     return false;
 }
 
-/* No command brings the torque back from here. */
-static bool letting_go(ESEA_STATE *state, ESEA_EVENT event)
+/* LETTING_GO and STOPPING: no command brings the torque back from here. */
+static bool letting_go(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guards)
 {
+    const bool stopping = *state == ESEA_STATE_STOPPING;
+
     switch (event) {
     case ESEA_EVENT_STOP:
-        return to(state, ESEA_STATE_STOPPED);
+        return to(state, stopping ? ESEA_STATE_STOPPED : stopped(guards));
     case ESEA_EVENT_FADED:
-        return to(state, ESEA_STATE_READY);
+        return to(state, stopping ? ESEA_STATE_STOPPED : ESEA_STATE_READY);
     case ESEA_EVENT_FAILED:
         return to(state, ESEA_STATE_FAULT);
     case ESEA_EVENT_DISARM:
@@ -275,7 +284,8 @@ bool esea_machine_take(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t 
     case ESEA_STATE_ACTIVE:
         return armed(state, event, guards);
     case ESEA_STATE_LETTING_GO:
-        return letting_go(state, event);
+    case ESEA_STATE_STOPPING:
+        return letting_go(state, event, guards);
     case ESEA_STATE_STOPPED:
     case ESEA_STATE_FAULT:
         return held(state, event, guards);

@@ -61,6 +61,20 @@ static void watch_drivers(esea_app_t *app)
     (void)esea_app_event(app, ESEA_EVENT_FAILED);
 }
 
+/* Counts only, so that it ends in time whatever the drive does. */
+static void fade(esea_app_t *app)
+{
+    esea_motion_t *const motion = &app->motion;
+    const bool stops = app->state == ESEA_STATE_STOPPING;
+    const uint32_t rest = stops ? esea_ticks(ESEA_STOP_OFF_MS) - esea_ticks(ESEA_STOP_FADE_MS) : 0u;
+    const uint32_t left = motion->fade_left > rest ? motion->fade_left - rest : 0u;
+
+    esea_link_fade(&motion->wanted, motion->fade_from_Nm,
+            (float)left / (float)esea_ticks(stops ? ESEA_STOP_FADE_MS : ESEA_FADE_MS));
+    if (ends(&motion->fade_left))
+        (void)esea_app_event(app, ESEA_EVENT_FADED);
+}
+
 /* Deadlines of the link and of what is wanted. */
 static void supervise(esea_app_t *app)
 {
@@ -75,19 +89,15 @@ static void supervise(esea_app_t *app)
         (void)esea_app_event(app, ESEA_EVENT_LINK_LOST);
     if (ends(&motion->deadline_left))
         (void)esea_app_event(app, ESEA_EVENT_EXPIRED);
-    if (app->state == ESEA_STATE_LETTING_GO) {
-        esea_link_fade(&motion->wanted, motion->fade_from_Nm,
-                (float)motion->fade_left / (float)esea_ticks(ESEA_FADE_MS));
-        if (ends(&motion->fade_left))
-            (void)esea_app_event(app, ESEA_EVENT_FADED);
-    }
+    if (app->state == ESEA_STATE_LETTING_GO || app->state == ESEA_STATE_STOPPING)
+        fade(app);
 }
 
 /* What the limits are told: to hold, unless the motor may be on; and a new number to release. */
 static void tell_limits(esea_app_t *app)
 {
     esea_motion_t *const motion = &app->motion;
-    const bool on = app->state == ESEA_STATE_ACTIVE || app->state == ESEA_STATE_LETTING_GO;
+    const bool on = esea_state_drives(app->state) && app->state != ESEA_STATE_ARMED;
     /* Without a motor nothing is armed; limits may stand before a torque that others follow. */
     const bool may = ESEA_LINK_AXES > 0u ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
 

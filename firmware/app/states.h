@@ -20,6 +20,7 @@ typedef enum {
     ESEA_STATE_ACTIVE = 8, /* Follows the host's commands. */
     ESEA_STATE_LETTING_GO = 9, /* No command came in time, or disarmed while active: the torque fades to none. */
     ESEA_STATE_STOPPED = 10, /* Stopped by somebody; waits to be released. */
+    ESEA_STATE_STOPPING = 11, /* Stopped by somebody while sensing is sound: the torque fades to zero, the drive follows the limb, then the motor is off. */
 } ESEA_STATE;
 
 #define HAVE_ENUM_ESEA_EVENT /* the dialect's own has an entry more */
@@ -51,6 +52,8 @@ typedef enum {
 #define ESEA_DEADLINE_MOST_MS 1000u /* longest; whatever a command names */
 #define ESEA_LINK_LOST_MS 1000u /* without anything from the host */
 #define ESEA_FADE_MS 500u /* of letting go, from the torque that was set to none */
+#define ESEA_STOP_FADE_MS 250u /* of a controlled stop, from the torque that was set to zero */
+#define ESEA_STOP_OFF_MS 600u /* of a controlled stop, until the motor is off; from zero torque on the drive follows the limb */
 #define ESEA_ZEROING_MS 200u /* in which the joint must stand still to be zeroed */
 #define ESEA_COMMAND_AGE_MS 500u /* oldest that a command with a time may be; as far ahead of the clock */
 #define ESEA_FRAME_MS 200u /* longest silence within a frame; what came of it is then searched for others */
@@ -77,7 +80,8 @@ static inline bool esea_state_computes(ESEA_STATE state)
            state == ESEA_STATE_ARMED ||
            state == ESEA_STATE_ACTIVE ||
            state == ESEA_STATE_LETTING_GO ||
-           state == ESEA_STATE_STOPPED;
+           state == ESEA_STATE_STOPPED ||
+           state == ESEA_STATE_STOPPING;
 }
 
 /* Whether it is one of the list. */
@@ -93,7 +97,8 @@ static inline bool esea_state_known(ESEA_STATE state)
            state == ESEA_STATE_ARMED ||
            state == ESEA_STATE_ACTIVE ||
            state == ESEA_STATE_LETTING_GO ||
-           state == ESEA_STATE_STOPPED;
+           state == ESEA_STATE_STOPPED ||
+           state == ESEA_STATE_STOPPING;
 }
 
 /* Whether the motor may be on. */
@@ -101,7 +106,8 @@ static inline bool esea_state_drives(ESEA_STATE state)
 {
     return state == ESEA_STATE_ARMED ||
            state == ESEA_STATE_ACTIVE ||
-           state == ESEA_STATE_LETTING_GO;
+           state == ESEA_STATE_LETTING_GO ||
+           state == ESEA_STATE_STOPPING;
 }
 
 #endif

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
+from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.kept import name_encoders
 from esea_gen.link.transport import LinkError
 from tests.conftest import require_tool
@@ -94,19 +95,27 @@ def test_an_axis_whose_limits_do_not_release_holds_the_other(wrist):
     assert (wrist.state_now, wrist.motor_on, wrist.motors_Nm) == ("READY", False, (0.0, 0.0))
 
 
-def test_letting_go_fades_every_axis_from_its_own_torque(wrist):
+@pytest.mark.parametrize(
+    ("ask", "time", "off", "after"),
+    [("disarm", "FADE", "FADE", "READY"), ("stop", "STOP_FADE", "STOP_OFF", "STOPPED")],
+)
+def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, off, after):
     wanted = {"tau_desired_flexion_Nm": 0.02, "tau_desired_deviation_Nm": -0.01}
+    fade_ms, off_ms = TIMES_MS[time][0], TIMES_MS[off][0]
     active(wrist, **wanted)
     for _ in range(20):  # until it has come in whole
         wrist.want(mode=1.0, **wanted)
         wrist.ticks(50)
         assert wrist.state_now == "ACTIVE", wrist.lib.sim_fault()
-    wrist.disarm()
-    wrist.ticks(249)
-    for name, torque_Nm in wanted.items():
+    getattr(wrist, ask)()
+    wrist.ticks(fade_ms // 2 - 1)
+    for name, torque_Nm in wanted.items():  # each look takes a tick
         assert told(wrist, name) == pytest.approx(torque_Nm / 2, rel=0.03)
-    wrist.ticks(300)
-    assert (wrist.state_now, wrist.motor_on) == ("READY", False)
+    wrist.ticks(off_ms - fade_ms // 2 - 4)
+    left = [told(wrist, name) for name in wanted]
+    assert (any(left), wrist.motor_on) == (ask == "disarm", True)
+    wrist.ticks(1)
+    assert (wrist.state_now, wrist.motor_on) == (after, False)
 
 
 @pytest.mark.parametrize("end", ["stop", "disarm", "fault", "power"])

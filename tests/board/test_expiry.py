@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 from tests.sim_drive import powered_on, zeroed
@@ -95,6 +96,8 @@ def test_a_queue_in_the_path_moves_nothing_late_and_keeps_no_stop_back(board, wa
     board.send_bytes(off)
     assert board.state_now in ("READY", "LETTING_GO")
     board.send_bytes(stop)
+    assert board.state_now in ("STOPPED", "STOPPING")
+    board.send_bytes(stop)  # a second one, which waits for nothing
     board.ticks(1)
     assert (board.state_now, board.motor) == ("STOPPED", (False, 0.0))
 
@@ -153,6 +156,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
             board.ticks(5)
         assert (board.state_now, expired(board)) == ("ACTIVE", 0)
         board.stop()
+        board.ticks(TIMES_MS["STOP_OFF"][0])
         board.release()
 
 
@@ -220,6 +224,7 @@ def test_recorded_signed_frames_are_void_after_a_power_off(board, tmp_path):
     board.ticks(1)
     assert board.state_now == "ACTIVE"
     board.transport = line
+    board.stop()
     board.stop()
     board.release()
     for start in range(4):

@@ -30,7 +30,7 @@ from tests.sim_drive import ANGLES, powered_on, zeroed
 
 FFI = cffi.FFI()
 NAMES = [s.name for s in STATES]
-TORQUE = {"ARMED", "ACTIVE", "LETTING_GO"}
+TORQUE = {"ARMED", "ACTIVE", "LETTING_GO", "STOPPING"}
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,8 @@ def rule(state: str, event: str, g: set[str]) -> str | None:
     starting = state in ("BOOT", "SELF_TEST")
     match event:
         case "STOP":
+            if state in ("ACTIVE", "LETTING_GO") and {"released", "stop_clear"} <= g:
+                return "STOPPING"
             return state if starting or state == "FAULT" else "STOPPED"
         case "FAILED":
             return "FAULT"
@@ -103,6 +105,7 @@ def rule(state: str, event: str, g: set[str]) -> str | None:
         ("ARMED", "REFUSED"): "READY",
         ("ARMED", "LINK_LOST"): "READY",
         ("LETTING_GO", "FADED"): "READY",
+        ("STOPPING", "FADED"): "STOPPED",
     }
     return inner.get((state, event))
 
@@ -125,7 +128,7 @@ def test_an_event_of_no_number_is_refused_in_every_state(powered):
 def test_from_a_state_that_is_none_every_event_leads_to_the_fault(powered):
     held, guards = FFI.new("uint32_t *"), FFI.new("bool[]", [True] * len(GUARDS))
     fault = next(s.value for s in STATES if s.name == "FAULT")
-    for state in (11, 77, 2**32 - 1):
+    for state in (12, 77, 2**32 - 1):
         for event in EVENTS:
             held[0] = state
             taken = powered.lib.sim_take_event(held, event.value, guards)
@@ -265,8 +268,8 @@ def test_what_is_no_mode_is_no_command(armed, mode):
 
 @pytest.mark.parametrize("state", sorted(set(NAMES) - {"BOOT", "SELF_TEST"}))
 def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
-    if state in ("ACTIVE", "LETTING_GO"):
-        armed.want(mode=1.0, tau_desired_Nm=0.2)
+    if state in ("ACTIVE", "LETTING_GO", "STOPPING"):
+        armed.want(mode=1.0, tau_desired_Nm=0.1)
         armed.ticks(30)
     if state == "LETTING_GO":
         armed.disarm()
@@ -283,26 +286,30 @@ def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
     if state == "FAULT":
         armed.measure(**(ANGLES | {"frame_error_load": 1}))
         armed.ticks(10)
-    if state == "STOPPED":
+    if state in ("STOPPED", "STOPPING"):
         armed.stop()
     assert armed.state_now == state
     # From a stranger, and addressed to another: system 7, component 9.
     stranger = armed.dialect.MAVLink(None, 42, 1)
     message = armed.message("COMMAND_LONG", 7, 9, armed.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
     armed.send_bytes(message.pack(stranger))
+    assert armed.state_now == {"FAULT": "FAULT", "ACTIVE": "STOPPING", "LETTING_GO": "STOPPING"}.get(
+        state, "STOPPED"
+    )
+    armed.ticks(1 if armed.state_now != "STOPPING" else TIMES_MS["STOP_OFF"][0])
     assert armed.state_now == ("FAULT" if state == "FAULT" else "STOPPED")
-    armed.ticks(1)
     assert armed.motor == (False, 0.0)
     with pytest.raises(LinkError, match="does not arm"):
         armed.arm()
 
 
 def test_a_clock_that_comes_to_rest_between_two_ticks_leaves_no_motor_on(armed):
-    """Stopped, released and put into a replay before the next tick; found by fuzzing."""
+    """Stopped at once, released and put into a replay before the next tick; found by fuzzing."""
     armed.want(mode=1.0, tau_desired_Nm=0.3, deadline_ms=1000)
     armed.ticks(30)
     assert armed.motor[0]
     assert armed.motor[1] != 0
+    armed.stop()
     armed.stop()
     armed.release()
     armed.send(armed.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
@@ -313,10 +320,13 @@ def test_a_clock_that_comes_to_rest_between_two_ticks_leaves_no_motor_on(armed):
 
 def test_a_released_stop_restores_nothing(armed):
     for _ in range(30):
-        armed.want(mode=1.0, tau_desired_Nm=0.3, deadline_ms=1000)
+        armed.want(mode=1.0, tau_desired_Nm=0.1, deadline_ms=1000)
         armed.ticks()
     armed.stop()
     armed.ticks(3)
+    with pytest.raises(LinkError, match="does not release the stop now: it is STOPPING"):
+        armed.release()
+    armed.ticks(TIMES_MS["STOP_OFF"][0])
     armed.release()
     assert armed.state_now == "READY"
     armed.ticks(200)
@@ -325,6 +335,49 @@ def test_a_released_stop_restores_nothing(armed):
     armed.ticks(200)
     assert armed.state_now == "ARMED"
     assert armed.motor == (True, 0.0)
+
+
+def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
+    """A repeated frame is not a second stop; an open line and a fault are not waited for."""
+    off, line = TIMES_MS["STOP_OFF"][0], armed.lib.sim_stop_line
+
+    def stop_again(confirmation: int) -> None:
+        command = armed.dialect.MAV_CMD_USER_4
+        armed.send(armed.message("COMMAND_LONG", 1, 1, command, confirmation, *[0.0] * 7))
+
+    ends = {
+        "in its time": (lambda: stop_again(1), "STOPPING"),
+        "a second stop": (lambda: stop_again(0), "STOPPED"),
+        "the line": (lambda: line(True), "STOPPED"),
+        "a lost tick": (lambda: armed.lib.sim_tick(3, True), "FAULT"),
+        "sensing": (lambda: armed.measure(**(ANGLES | {"frame_error_load": 1})), "FAULT"),
+        "the link": (armed.pending, "STOPPING"),  # silence neither shortens nor lengthens it
+    }
+    for how, (deed, after) in ends.items():
+        for _ in range(40):
+            armed.want(mode=2.0, tau_desired_Nm=0.1)
+            armed.ticks()
+        armed.stop()
+        assert armed.state_now == "STOPPING", how
+        assert armed.motor[0]
+        armed.want(mode=1.0, tau_desired_Nm=0.3)  # nothing brings it back
+        armed.ticks(10)
+        deed()
+        armed.ticks(4 if how == "sensing" else 1)
+        assert (armed.state_now, armed.motor[0]) == (after, after == "STOPPING"), how
+        armed.ticks(off - 12 if after == "STOPPING" else 0)
+        assert (armed.state_now == "STOPPING") == (after == "STOPPING"), how
+        armed.ticks(1)
+        assert armed.motor == (False, 0.0)
+        assert armed.state_now == ("FAULT" if after == "FAULT" else "STOPPED"), how
+        line(False)
+        armed.measure(**ANGLES)
+        armed.ticks(30)
+        armed.clear() if after == "FAULT" else armed.release()
+        if after == "FAULT":
+            armed.release()
+        armed.arm()
+        armed.ticks(1)
 
 
 def test_a_command_waits_until_the_limits_have_released(ready):

@@ -59,8 +59,8 @@ class Person:
             return
         if after not in TORQUE or after == "ARMED":
             self.mode_on, self.deadline = False, 0
-        if after == "LETTING_GO":
-            self.fade = TIMES_MS["FADE"][0]
+        if after in ("LETTING_GO", "STOPPING"):
+            self.fade = TIMES_MS["FADE" if after == "LETTING_GO" else "STOP_OFF"][0]
         if after == "ZEROING":
             self.referenced, self.still = False, TIMES_MS["ZEROING"][0]
 
@@ -74,7 +74,7 @@ class Person:
             self.deadline -= 1
             if self.deadline == 0:
                 self.event("EXPIRED")
-        if self.state == "LETTING_GO":
+        if self.state in ("LETTING_GO", "STOPPING"):
             self.fade -= 1
             if self.fade == 0:
                 self.event("FADED")
@@ -127,7 +127,7 @@ def test_any_order_of_commands_and_time_gives_the_states_of_the_model(powered, d
             assert board.state_now == person.state
             on, u_Nm = board.motor
             assert on == (person.state in TORQUE)
-            assert u_Nm == 0 or person.state in ("ACTIVE", "LETTING_GO", "ARMED")
+            assert u_Nm == 0 or person.state in TORQUE
 
     for deed in ["ZERO", 230, *done]:
         if isinstance(deed, int):

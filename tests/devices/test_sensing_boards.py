@@ -145,7 +145,7 @@ def test_each_axis_of_a_hand_has_its_own_intent():
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("name", "kg", "axis"), [("knee", 8.0, ""), ("wrist", 1.0, "deviation")])
+@pytest.mark.parametrize(("name", "kg", "axis"), [("knee", 10.0, ""), ("wrist", 1.0, "deviation")])
 def test_a_sensor_is_commissioned(name, kg, axis):
     board = SimulatedBoard(name)
     bench = simulated_bench(board, axis=axis)

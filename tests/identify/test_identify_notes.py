@@ -45,7 +45,7 @@ def told(values=VALUES, sigma=None, recordings=None, verdict=None, pair=None, **
         "torque": SimpleNamespace(scale_Nm_per_N=None),
     }
     source = SimpleNamespace(mapping=SimpleNamespace(**tables))
-    fitted = SimpleNamespace(**{"values": values, "rate_dropped": False, "edges": ()} | fit)
+    fitted = SimpleNamespace(**{"values": values, "rate_dropped": False, "edges": {}} | fit)
     spread = SimpleNamespace(sigma=sigma or {})
     given = recordings or [recording()], fitted, spread, verdict or verdict_of(), pair
     return "\n".join(notes_of(source, *given))
@@ -94,7 +94,7 @@ def told(values=VALUES, sigma=None, recordings=None, verdict=None, pair=None, **
             "is at its upper bound",
             "poorly",
         ),
-        ({"edges": ["omega is low"]}, "Omega is low.", ""),
+        ({"edges": {"omega_rad": "omega is low"}}, "Omega is low.", ""),
         ({"values": VALUES | {"omega_rad": 0.21}}, "No stop slips", ""),
         ({"values": VALUES | {"alpha_Nm_rad": 0.0}}, "carry no torque", "No stop slips"),
     ],

@@ -205,7 +205,7 @@ def kelvins(folder: Path, uses: dict[float, str], seeds: range) -> tuple[np.ndar
             for r in recordings
         ]
         fitted = fit_member(terms, made, 3.0)
-        factor, (_, spread) = fitted.temperature, member_spread(terms, made, fitted)
+        factor, (_, spread) = fitted.temperature, member_spread(terms, made, fitted, 3.0)
         truth = -0.004 / (1 - 0.004 * (factor.reference_C - 23))
         found.append((factor.per_K - truth, spread.sigma[-1]))
     return tuple(np.array(found).T)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 
 import numpy as np
@@ -14,6 +15,7 @@ from esea_gen.device import Device, load_device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
+from esea_gen.identify.family.choice import ModelChoice
 from esea_gen.identify.family.fit import members
 from esea_gen.identify.family.identification import family_device, family_section, identify_member
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
@@ -239,7 +241,8 @@ def test_the_command_compares_and_writes_the_chosen_one(tmp_path, monkeypatch):
     asked = []
 
     class Chosen:
-        chosen = "slips, strain"
+        chosen, rows = "slips, strain", ()
+        choice = ModelChoice(chosen, chosen, None, ("why",))
 
     monkeypatch.setattr(
         "esea_gen.identify.family.compare.compare", lambda *a, **_: asked.append(a) or Chosen
@@ -251,6 +254,7 @@ def test_the_command_compares_and_writes_the_chosen_one(tmp_path, monkeypatch):
     assert run.exit_code == 0, run.output
     assert len(asked) == 1
     assert load_device(tmp_path / "hdrb.toml").file.family.member == "slips, strain"
+    assert json.loads((tmp_path / "hdrb.json").read_text())["choice"]["reasons"] == ["why"]
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def compared(chosen="slips", **other) -> str:
         for c, e in (("last cycles", error), ("rig block 1", 4 * error))
     ]
     content = {k: identified[k] for k in ("mapping", "recordings", "full_scale_Nm")}
-    content |= {"compare": rows, "chosen": chosen, "best": "stops", "standard_error": 0.625}
+    content |= {"compare": rows, "chosen": chosen, "reasons": ["slips cost least."]}
     content |= {"terms": [], "notes": ["two were tried"]} | other
     return put("compared.json", "identify-compare", content)
 
@@ -204,8 +204,7 @@ def test_what_earlier_commands_found_stands_as_they_said_it(at):
     text = page(f"map.toml {agreed()} {life()} rig.json {compared()}")
     assert "Not known yet" not in text
     for told in (
-        "Chosen: slips , the cheapest that is as good as the best (stops)",
-        "This page's torque model is another one: stops.",
+        "slips cost least. This page's torque model is another one: stops.",
         "5.00 (2.50)",
         "not counted",
         "ICC(2,1), absolute agreement 0.8750 0.5000 0.9688",

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
+from esea_gen.trust import read_code, trust
 from esea_host.cli import app
-from esea_host.study.trust import read_code, trust
 from tests.conftest import ROOT
 
 EXAMPLE = ROOT / "examples" / "steady_hold.toml"

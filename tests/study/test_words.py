@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
+from esea_gen.trust import TaskCode
 from esea_host.cli import app
 from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import load_protocol, parse_protocol
-from esea_host.study.trust import TaskCode
 from esea_host.study.words import ENGLISH, KeyedText, keyed, languages, words_of
 from tests.conducted import EXAMPLE, TRACKING, beginning, of_tasks, opening, until
 from tests.conftest import ROOT

@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
+from pathlib import Path
 
-from esea_gen.control.law import Law, outside_law
+from esea_gen.control.law import Law
+from esea_gen.control.own_law import outside_law
 from esea_gen.errors import UserError
 
 LAWS: dict[str, Law] = {
@@ -16,11 +18,12 @@ LAWS: dict[str, Law] = {
 }
 
 
-def find_law(text: str) -> Law:
+def find_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
+    """A law by its name, or as :func:`outside_law` has it."""
     if text in LAWS:
         return LAWS[text]
     if ".py:" in text:
-        return outside_law(text)
+        return outside_law(text, folder, content)
     close = difflib.get_close_matches(text, LAWS, n=1)
     hint = f"Did you mean {close[0]}? " if close else ""
     raise UserError(

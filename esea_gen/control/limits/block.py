@@ -19,7 +19,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.faults import FAULT_CODES, Fault, limit_status
+from esea_gen.control.limits.faults import DOUBTS, FAULT_CODES, Fault, limit_status
 from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
 from esea_gen.control.limits.safety import (
     SLOTS,
@@ -92,6 +92,7 @@ class _Limits:
 
     def __init__(self, device: DeviceData) -> None:
         n = self.n = LimitNumbers(device)
+        self.watched = device.file.monitor is not None
         self.h = n.h
         self.equations = equations(EQUATIONS)
 
@@ -170,6 +171,7 @@ class _Limits:
                 "slots_J", 0.0, n.slot_lim, "energy given in the slots before, newest first", SLOTS
             ),
         )
+        doubts = "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"
         delivered = "stamp of that command; 0 none delivered"
         counted = "whole number, one more for each request; 0 follows 7"
         motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
@@ -190,6 +192,7 @@ class _Limits:
             CLOCK_OK,
             LATE_LEVEL,
             COEFFS_OK,
+            *((Port("doubt", 0, len(DOUBTS), doubts),) if self.watched else ()),
         )
         most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
         reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
@@ -214,6 +217,7 @@ class _Limits:
         }
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        u.doubt = u.doubt if self.watched else ca.SX(0)
         return limit_step(self.n, self.coefficients, c, s, u, guard, label)
 
 

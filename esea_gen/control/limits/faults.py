@@ -26,6 +26,9 @@ class Fault(IntEnum):
     CLOCK = 13
     LATE = 14
     COEFFICIENTS = 15
+    SWINGS = 16
+    ROUGH = 17
+    STUCK_BIT = 18
 
 
 SAME = "the same step"
@@ -105,7 +108,23 @@ FAULTS = {
         "run the control task; if it stays, prepare again: memory was overwritten",
         "the next control run and its release",
     ),
+    Fault.SWINGS: (
+        "the command swung from one limit of the motor to the other, again and again",
+        "look for a loose encoder or cable, an encoder's noise; then smaller gains",
+        "1 s of full swings at 20 Hz, or 3 s at 13 Hz",
+    ),
+    Fault.ROUGH: (
+        "a joint encoder's angle was rougher than a sound encoder's noise",
+        "the monitor's status word says which: its cable, shield, supply, magnet",
+        "50 ms of white noise of four times a sound encoder's",
+    ),
+    Fault.STUCK_BIT: (
+        "a bit of a joint encoder's count did not change while the joint moved",
+        "the monitor's status word says which side: its wiring, then the encoder",
+        "a slow motion of twice the bit's weight, or 32 times the noise if that is more",
+    ),
 }
+DOUBTS = (Fault.SWINGS, Fault.ROUGH, Fault.STUCK_BIT)  # by what ``doubt`` is, from 1
 FAULT_TEXT = {f: text for f, (text, _, _) in FAULTS.items()}
 FAULT_CODES = tuple(Code(f.name, int(f), *row) for f, row in FAULTS.items())
 
@@ -136,4 +155,5 @@ def limit_status(energy_max: float) -> Port:
         Flag("CLOCK", "base ticks were lost, repeated or went backward", True),
         Flag("LATE", word[Fault.LATE], True),
         Flag("COEFFICIENTS", word[Fault.COEFFICIENTS]),
+        *(Flag(f.name, word[f]) for f in DOUBTS),
     )

@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.limits.faults import Fault
+from esea_gen.control.limits.faults import DOUBTS, Fault
 from esea_gen.control.limits.safety import LimitNumbers
 from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
 from esea_gen.language.block import Guard, Labels, StepResult
@@ -71,7 +71,7 @@ def limit_step(
         *(ca.logic_and(acts, held) for held in push.held_back),
         latch.refused,
         ca.logic_not(latch.run),
-        *(causes[Fault(k)] for k in (13, 14, 15)),
+        *(causes[Fault(k)] for k in range(13, 19)),
     ]
     outputs = {
         "u_Nm": u_out,
@@ -108,9 +108,12 @@ def _memory(
     )
     was_released = label("was_released", ca.logic_and(trusted, released))
     rearm_whole = _one_of(u.rearm, REARMS)
+    known_doubt = _one_of(u.doubt, range(len(DOUBTS) + 1))
     inputs_ok = label(
         "inputs_valid",
-        _all([guard.inputs_ok, _one_of(u.mode, MODES), rearm_whole, u.request_ok == 1]),
+        _all(
+            [guard.inputs_ok, _one_of(u.mode, MODES), rearm_whole, known_doubt, u.request_ok == 1]
+        ),
         "and whole, and what is wanted is",
     )
     tunables_ok = label(
@@ -196,6 +199,7 @@ def _causes(
         Fault.CLOCK: ca.logic_not(u.clock_ok == 1),
         Fault.LATE: u.late_level > LATE_MOST,
         Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok == 1),
+        **{fault: u.doubt == k for k, fault in enumerate(DOUBTS, 1)},
     }
 
 

@@ -38,10 +38,14 @@ def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, ti
     a = device.file.actuator
     assert a is not None
     numbers = {k: _quantity(e, source, k) for k, e in found.items()}
+    encoder = device.file.encoder
+    # Written as an extension, which takes no zeros over.
+    encoder = encoder.unzeroed() if device.given[0] in shipped_devices() else encoder
     file = device.file.model_copy(
         update={
             "name": updated_name(device),
             "title": f"{device.title}, {title}"[:200],
+            "encoder": encoder,
             "actuator": a.model_copy(update=numbers),
         }
     )

@@ -1,27 +1,22 @@
-"""Models against each other, by conditions left out of their training; the simplest good one.
+"""Models against each other, by conditions left out of their training.
 
-Every model is fitted anew for every split.  Of those that are as good as the best - whose excess
-over it, condition by condition, is on average within one standard error of that excess - the one
-that costs the board least is chosen [1]_.  The excess is taken condition by condition because some
-conditions are hard for every model, and that says nothing of which is better.
+Every model is fitted anew for every split; :mod:`esea_gen.identify.family.choice` chooses.
 
-Beside the family stand two models from the literature, fitted by SciPy: Bouc-Wen [2]_ (springs x
+Beside the family stand two models from the literature, fitted by SciPy: Bouc-Wen [1]_ (springs x
 and x^3 and one hysteretic variable) and the generalised Maxwell model with Coulomb friction (the
 same springs, three branches, one narrow stop operator for the friction).  Their weights may have
 either sign, and their shape is searched from several starts.
 
 References
 ----------
-.. [1] T. Hastie, R. Tibshirani, J. Friedman, "The Elements of Statistical Learning", Springer,
-   2009, section 7.10.
-.. [2] M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of
+.. [1] M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of
    Computational Methods in Engineering 16, 2009.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,8 +27,10 @@ from scipy.signal import lfilter
 from scipy.stats import qmc
 
 from esea_gen.device import Device
+from esea_gen.emit.walker import LONG, walk
 from esea_gen.files import plain
-from esea_gen.identify.drafting import draft, fit_split, grid_rate
+from esea_gen.identify.drafting import draft, fit_split, grid_rate, published_channels
+from esea_gen.identify.family.choice import THESIS, CompareRow, ModelChoice, choose
 from esea_gen.identify.family.fit import (
     UnitTerms,
     fit_member,
@@ -48,9 +45,10 @@ from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.plant import equal_weights
 from esea_gen.identify.published.search_problem import Searching
+from esea_gen.identify.recording.channels import settled
 from esea_gen.identify.recording.conditions import Split, splits_of
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.reading import load_recordings, resample
+from esea_gen.identify.recording.reading import resample
 from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows, training_sets
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
@@ -146,19 +144,14 @@ def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Arra
     ]
 
 
-THESIS = "published"
 Cost = Callable[[Device], float]
+LONG_COST = 100  # operations that a power, an exponential or a logarithm counts as
 
 
-@dataclass(frozen=True)
-class CompareRow:
-    """Errors of one model on one split, % of full scale: mean over data sets of the RMS error."""
-
-    model: str
-    condition: str
-    training: float
-    held_out: float
-    instructions: float | None  # of a step on the Cortex-M4F, where counted
+def operations(device: Device) -> int:
+    """Operations of a step of the torque sensor, the same on every machine."""
+    cost = walk(device.sensor.step).cost()
+    return sum(n * (LONG_COST if op in LONG else 1) for op, n in cost.items())
 
 
 @dataclass(frozen=True)
@@ -166,12 +159,14 @@ class ModelComparison:
     source: MappingFile
     full_scale_Nm: float  # 100 % of errors
     rows: tuple[CompareRow, ...]  # model by model, split by split
-    chosen: str  # the cheapest model within one standard error of the best
-    best: str  # the one of least mean error over the conditions left out
-    standard_error: float  # of the chosen one's mean excess over the best one, %
+    choice: ModelChoice
     devices: dict[str, Device]  # by model: the device fitted on the file's own division
     notes: tuple[str, ...]
     recordings: tuple[Recording, ...] = ()
+
+    @property
+    def chosen(self) -> str:
+        return self.choice.chosen
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -179,9 +174,8 @@ class ModelComparison:
             "recordings": recording_rows(self.recordings),
             "full_scale_Nm": self.full_scale_Nm,
             "compare": plain(self.rows),
-            "chosen": self.chosen,
-            "best": self.best,
-            "standard_error": self.standard_error,
+            **self.choice.to_dict(),
+            "standard_error": None,  # of an earlier rule
             "terms": self._terms(),
             "notes": list(self.notes),
         }
@@ -200,22 +194,18 @@ class ModelComparison:
         lines = [
             f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
             f"({self.full_scale_Nm:g} Nm)",
-            " " * first + "".join(f"{c:>{width}}" for c in conditions) + "  instructions",
+            " " * first
+            + "".join(f"{c:>{width}}" for c in conditions)
+            + "  operations  instructions",
         ]
         for m in models:
             found = [cells[m, c] for c in conditions]
             errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
-            count = "-" if found[0].instructions is None else f"{found[0].instructions:.0f}"
+            counts = (found[0].operations, found[0].instructions)
+            told = ["-" if n is None else f"{n:.0f}" for n in counts]
             mark = "* " if m == self.chosen else "  "
-            lines.append(f"{mark}{m:{first - 2}}{errors}{count:>14}")
-        chosen = "* chosen: the best; no cheaper one is as good within one standard error"
-        if self.chosen != self.best:
-            chosen = (
-                f"* chosen: the cheapest that is as good as the best ({self.best}) within one "
-                f"standard error of the difference ({self.standard_error:.2f} %)"
-            )
-        lines.append(chosen)
-        return lines + [f"note: {n}" for n in self.notes]
+            lines.append(f"{mark}{m:{first - 2}}{errors}{told[0]:>12}{told[1]:>14}")
+        return [*lines, *self.choice.reasons, *(f"note: {n}" for n in self.notes)]
 
 
 # Errors of a split, and the device that was fitted to it; None where a model gives none.
@@ -232,8 +222,11 @@ def compare(
     how: Searching | None = None,
 ) -> ModelComparison:
     """Compare the thesis' model, the members of the family and the peers on recordings."""
-    source = load_mapping(mapping_path, data_folder)
-    recordings = load_recordings(source)
+    tell: Progress = progress or (lambda share, text: None)
+    # A lag or a gap that is left to the fit is the published model's for all.
+    source, recordings, _ = settled(
+        load_mapping(mapping_path, data_folder), lambda s, r: published_channels(s, r, how)
+    )
     splits = splits_of(recordings)
     timed = all(r.timed for r in recordings)
     able = [m for m in members() if timed or not m.timed]
@@ -242,30 +235,33 @@ def compare(
     full_scale_Nm = draft(source, recordings, False).tau_full_scale_Nm
     rows: list[CompareRow] = []
     devices: dict[str, Device] = {}
-    costs: dict[str, float] = {}
-    for name, fit in _models(source, recordings, able, others, full_scale_Nm, how):
-        counted = None
+
+    def searched(share: float, text: str) -> None:
+        tell((len(rows) + share) / total, f"{THESIS}: {text}")
+
+    for name, fit in _models(source, recordings, able, others, full_scale_Nm, how, searched):
+        counts: tuple[float | None, int | None] = None, None
         # The file's own division first: what its fit costs stands for the model.
         for split in sorted(splits, key=lambda s: not s.declared):
+            tell(len(rows) / total, f"{name}, {split.condition}")
             errors, device = fit(split)
             if split.declared and device is not None:
-                counted = None if cost is None else cost(device)
+                counts = None if cost is None else cost(device), operations(device)
                 devices[name] = device
-                costs[name] = counted or float(device.sensor.step.n_instructions())
             trained, held_out = (
                 100 * errors.mean_rms(held) / full_scale_Nm for held in (False, True)
             )
-            rows.append(CompareRow(name, split.condition, trained, held_out, counted))
-            if progress is not None:
-                progress(len(rows) / total, f"{name}, {split.condition}")
-    chosen, best, spread = choose(rows, {s.condition for s in splits if s.whole}, costs)
+            rows.append(CompareRow(name, split.condition, trained, held_out, *counts))
+    costs = {r.model: r.operations for r in rows if r.operations is not None}
+    choice = choose(rows, {s.condition for s in splits if s.whole}, costs)
     notes = (
-        *gate_notes(recordings, excused_of(devices[chosen])),
+        *gate_notes(recordings, excused_of(devices[choice.chosen])),
         *_notes(timed, splits, able),
         *temperature_notes(recordings),
     )
-    found = source, full_scale_Nm, tuple(rows), chosen, best, spread, devices
-    return ModelComparison(*found, notes, tuple(recordings))
+    return ModelComparison(
+        source, full_scale_Nm, tuple(rows), choice, devices, notes, tuple(recordings)
+    )
 
 
 def _models(
@@ -275,11 +271,12 @@ def _models(
     others: Sequence[str],
     full_scale_Nm: float,
     how: Searching | None,
+    tell: Progress,
 ) -> Iterator[tuple[str, Fitter]]:
     def thesis(split: Split) -> tuple[Misfits, Device | None]:
         some = list(split.recordings)
         template = draft(source, some, source.mapping.device.rate_terms)
-        fit = fit_split(source, some, template, lambda share, text: None, how)
+        fit = fit_split(source, some, template, tell, how)
         return fit[3].misfits, fit[2]
 
     yield THESIS, thesis
@@ -302,27 +299,6 @@ def _models(
             return Misfits.of("Nm", ((r, y - r.tau_Nm) for r, y in pairs)), None
 
         yield n, peer
-
-
-def choose(
-    rows: Sequence[CompareRow], whole: set[str], costs: Mapping[str, float]
-) -> tuple[str, str, float]:
-    """The cheapest model that is within one standard error as good as the best."""
-    left_out = [r for r in rows if r.condition in whole] or list(rows)
-    errors: dict[str, list[float]] = {}
-    for r in left_out:
-        if r.model in costs:
-            errors.setdefault(r.model, []).append(r.held_out)
-    mean = {m: float(np.mean(e)) for m, e in errors.items()}
-    best = min(mean, key=lambda m: mean[m])
-    excess = {m: np.array(e) - np.array(errors[best]) for m, e in errors.items()}
-    good = [m for m, e in excess.items() if e.mean() <= _standard_error(e)]
-    chosen = min(good, key=lambda m: (costs[m], mean[m]))
-    return chosen, best, _standard_error(excess[chosen])
-
-
-def _standard_error(values: Array) -> float:
-    return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
 
 
 def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[str, ...]:

@@ -48,6 +48,8 @@ PATHS = (0.03, 0.1, 0.3, 1.0, 3.0)
 TIMES_s = (3.0, 30.0, 300.0)
 QUICK_s = (0.1, 0.3, 1.0, 3.0, 30.0)
 TURNING_s = (0.03, 0.1, 0.3, 1.0)
+# Slower motion sees a viscosity in these times, and dry friction in these paths.
+VISCOUS_s, DRY = (0.003, 0.01, *TURNING_s), (0.003, 0.01, *PATHS)
 FRACTIONAL_s = tuple(10 ** (-1 + 4 * k / 7) for k in range(8))
 EXPONENT = 0.2
 
@@ -71,6 +73,8 @@ def members() -> tuple[Member, ...]:
     offset = Term("offset")
     quick = [Term("maxwell", q, (t,)) for q in (LINEAR, CUBIC) for t in QUICK_s]
     friction = [*bent, *stops[len(odd) :], *quick, offset]
+    dry = odd + [Term("slip", LINEAR, (p,)) for p in DRY]
+    viscous = dry + [Term("maxwell", LINEAR, (t,)) for t in VISCOUS_s]
     # Friction that turns back otherwise at the two ends of a stroke.
     ends = [Rise("power", 1, "positive"), Rise("power", 1, "negative")]
     turning = [Term("maxwell", q, (t,)) for q in ends for t in TURNING_s]
@@ -90,6 +94,7 @@ def members() -> tuple[Member, ...]:
         Member(
             "stops, sides, offset", "stops, Maxwell each side, offset", (*stops, *turning, offset)
         ),
+        Member("slips, viscous", "fine slips and quick Maxwell branches", tuple(viscous)),
         Member("Maxwell", "bent springs and Maxwell branches", tuple(maxwell)),
         Member("fractional", "bent springs and a fractional element", tuple(fractional)),
         Member("Maxwell, strain", "Maxwell, softened by strain", softened(maxwell, STRAIN)),
@@ -257,9 +262,9 @@ def _temperatures(recordings: Sequence[Recording]) -> Array:
 
 
 def member_spread(
-    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
-) -> tuple[dict[int, float], LeftOut]:
-    """Standard deviations of the weights above 0, by place among the terms."""
+    terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember, full_scale_Nm: float
+) -> tuple[dict[int, float | None], LeftOut]:
+    """Standard deviations of the weights above 0, by place among the terms; None: at its bound."""
     # Which terms carry torque is taken as it was found. With a factor of temperature its ``per_K``
     # is the last parameter of what leaving out says.
     used, basis, residual, weight, rows = _fitted_rows(terms, recordings, fitted)
@@ -270,7 +275,11 @@ def member_spread(
             low[place] = -fitted.weights_Nm[i]
     room = low, np.full(len(low), np.inf)
     found = resampled(basis, residual, weight, rows, whole_conditions(recordings), room)
-    return dict(zip(used, found.sigma[: len(used)].tolist(), strict=True)), found
+    sigma: dict[int, float | None] = {}
+    for i, one in zip(used, found.sigma[: len(used)].tolist(), strict=True):
+        floor = _floor(fitted.member, i, full_scale_Nm)
+        sigma[i] = None if 0 < fitted.weights_Nm[i] <= floor * (1 + 1e-9) else one
+    return sigma, found
 
 
 def _fitted_rows(

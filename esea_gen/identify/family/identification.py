@@ -6,14 +6,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from esea_gen.device import Device, parse_device
 from esea_gen.devices.file import DeviceData, render_toml
 from esea_gen.devices.numbers import Quantity, Series
 from esea_gen.devices.rubber import Family, FamilyTemperature, FamilyTerm
 from esea_gen.errors import UserError, nearest
-from esea_gen.identify.drafting import draft, files_of, grid_rate, origin_of, round_up
+from esea_gen.identify.drafting import (
+    Status,
+    determined,
+    draft,
+    files_of,
+    grid_rate,
+    origin_of,
+    round_up,
+)
 from esea_gen.identify.family.fit import (
     MemberChannels,
     UnitTerms,
@@ -47,20 +55,19 @@ from esea_gen.model.temperature import TemperatureFactor
 # What a comparison chooses between is fixed before any recording is seen.
 FIXED = "fixed before the fit, not searched"
 TEMPERATURE_KEYS = tuple(FamilyTemperature.model_fields)
-Status = Literal["identified", "assumed"]
 
 
 def family_section(
     fitted: FittedMember,
     source: str,
     start: Start = "virgin",
-    sigma: Mapping[int, float] | None = None,
+    sigma: Mapping[int, float | None] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Family:
     """The section of a device file; terms of weight 0 are left out."""
     if warmth is None and fitted.temperature is not None:
         warmth = temperature_section(fitted.temperature, dict.fromkeys(TEMPERATURE_KEYS, source))
-    told = {i: _sureness(source, s) for i, s in (sigma or {}).items()}
+    told = {i: _sureness(source, fitted.weights_Nm[i], s) for i, s in (sigma or {}).items()}
     pairs = zip(fitted.weights_Nm, fitted.member.terms, strict=True)
     return Family(
         member=fitted.member.name,
@@ -84,10 +91,13 @@ def temperature_section(
     return FamilyTemperature(**found)
 
 
-def _sureness(source: str, sigma: float) -> tuple[str, Status]:
+def _sureness(source: str, weight_Nm: float, sigma: float | None) -> tuple[str, Status]:
     # Source and status of a number that was fitted.
+    if sigma is None:
+        return f"{source}; at its lower bound", "assumed"
     if math.isfinite(sigma):
-        return f"{source}; standard deviation {sigma:.2g}", "identified"
+        status: Status = "identified" if determined(weight_Nm, sigma) else "assumed"
+        return f"{source}; standard deviation {sigma:.2g}", status
     return f"{source}; not determined by it, others give the same torque", "assumed"
 
 
@@ -121,7 +131,7 @@ def family_device(
     fitted: FittedMember,
     source: str,
     start: Start = "virgin",
-    sigma: Mapping[int, float] | None = None,
+    sigma: Mapping[int, float | None] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Device:
     """A device whose torque model is a fitted member; checked as one that is read."""
@@ -144,7 +154,7 @@ def drafted_member(
     source: MappingFile,
     recordings: list[Recording],
     fitted: FittedMember,
-    sigma: Mapping[int, float] | None = None,
+    sigma: Mapping[int, float | None] | None = None,
     sigma_per_K: float | None = None,
 ) -> Device:
     """A device that holds the recordings, with a member that was fitted to them."""
@@ -177,13 +187,14 @@ def _recorded_warmth(
         "low_C": f"lowest temperature recorded{beyond}",
         "high_C": f"highest temperature recorded{beyond}",
     }
-    return temperature_section(factor, sources, "assumed" if assumed else "identified")
+    return temperature_section(factor, sources, "assumed" if assumed or edge else "identified")
 
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyIdentification(Identified):
     fitted: FittedMember
-    sigma: dict[int, float]  # standard deviations of the weights above 0, by place among the terms
+    # Standard deviations of the weights above 0, by place among the terms; None: at its bound.
+    sigma: dict[int, float | None]
     spread: LeftOut  # last parameter: per_K, where fitted
 
     @property
@@ -207,7 +218,7 @@ class FamilyIdentification(Identified):
                 "sigma_per_K": self.sigma_per_K
             }
         for row, sigma in zip(model["terms"], self.sigma.values(), strict=True):
-            row["sigma_Nm"] = sigma if math.isfinite(sigma) else None
+            row["sigma_Nm"] = None if sigma is None or not math.isfinite(sigma) else sigma
         return super().to_dict() | {"model": model, "uncertainty": self.spread.to_dict()}
 
 
@@ -242,7 +253,7 @@ def identify_member(
     full_scale = draft(source, recordings, False).tau_full_scale_Nm
     terms = UnitTerms(member, recordings, grid_rate(source))
     fitted = fit_member(terms, recordings, full_scale)
-    sigma, spread = member_spread(terms, recordings, fitted)
+    sigma, spread = member_spread(terms, recordings, fitted, full_scale)
     per_K = None if fitted.temperature is None else float(spread.sigma[-1])
     device = gated(drafted_member(source, recordings, fitted, sigma, per_K), recordings)
     tell(0.7, "the device's C")

@@ -18,8 +18,8 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy  # its parts are read on first use
@@ -165,7 +165,8 @@ class Fit:
     evaluations: int
     runner_up: float  # second finalist's cost over the best's
     rate_dropped: bool = False  # the fit gave the Maxwell element no stiffness: it is left out
-    edges: tuple[str, ...] = ()  # what ended at the edge of the searched space, and what that means
+    # Parameters that ended at the edge of the searched space, and what that means.
+    edges: Mapping[str, str] = field(default_factory=dict)
     method: str = "multi-start"
 
 
@@ -208,7 +209,7 @@ def search(
         evaluations=evaluations,
         runner_up=runner_up([e[0] for e in ends]),
         rate_dropped=dropped,
-        edges=() if dropped else edges_of(space, best[1]),
+        edges={} if dropped else edges_of(space, best[1]),
         method=how.method,
     )
 

@@ -152,8 +152,12 @@ def _inside(values: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def edges_of(space: Space, x: Array) -> tuple[str, ...]:
-    """What lies at the edge of the searched space, and what that means."""
+# What each searched number stands for, in the order of :class:`Space`.
+SEARCHED = ("omega_rad", "beta_1_rad", "eps1_Nms_rad", "A_Nms_rad", "m", "B", "n")
+
+
+def edges_of(space: Space, x: Array) -> dict[str, str]:
+    """Parameters at the edge of the searched space, and what that means."""
     names = (
         ("the stops are as close as the search allows", "the stops are as far apart as allowed"),
         ("the stops' weight does not decay", "the stops' weight decays as fast as allowed"),
@@ -170,10 +174,11 @@ def edges_of(space: Space, x: Array) -> tuple[str, ...]:
         ("the exponent n is at its lower bound", "the exponent n is at its upper bound"),
     )
     margin = 1e-3 * (space.high - space.low)
-    found = []
-    for value, low, high, m, text in zip(x, space.low, space.high, margin, names, strict=False):
+    found = {}
+    ends = zip(x, space.low, space.high, margin, SEARCHED, names, strict=False)
+    for value, low, high, m, key, text in ends:
         if value <= low + m:
-            found.append(text[0])
+            found[key] = text[0]
         elif value >= high - m:
-            found.append(text[1])
-    return tuple(found)
+            found[key] = text[1]
+    return found

@@ -308,7 +308,7 @@ def audit(folder: FolderArgument) -> None:
 
 
 def trusted(hashes: Iterable[str] | None) -> None:
-    from esea_host.study.trust import trust
+    from esea_gen.trust import trust
 
     trust(hashes or ())
 
@@ -317,8 +317,8 @@ def opened(
     folder: Path, trust: list[str] | None = None, runs: bool = True, operator: str = ""
 ) -> StudyFolder:
     """A study's folder, with every shipped task known; runs: whether its trusted tasks are run."""
+    from esea_gen.trust import inside
     from esea_host.study.folder import StudyFolder
-    from esea_host.study.trust import inside
 
     trusted(trust)
     know_shipped_tasks()

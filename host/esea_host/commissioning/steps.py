@@ -289,6 +289,8 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
     over(above, seconds, [("load as sensed", tau)], "recorded time, s", "Nm", check.known.torque_Nm)
     hints = {x.name: f"{x.what[0].upper()}{x.what[1:]}. {x.reason[0].upper()}{x.reason[1:]}."
              for x in LIMITS}  # fmt: skip
+    if check.suspects is not None:
+        hints["accuracy"] = " ".join(check.suspects)
     worst: dict[str, CheckDecision] = {}
     for d in sorted(check.decisions, key=lambda d: d.value_Nm / d.limit_Nm):
         worst[d.criterion] = d
@@ -299,7 +301,10 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
         for d in named
     )
     all_found = {"torque_check": check.to_dict(), "recorded_again": again}
-    return StepResult("torque", TORQUE, figure, checks, found=all_found)
+    problem = check.doubt if check.verdict == "cannot judge" else None
+    if problem is not None:
+        problem = f"Cannot judge. {problem[0]}", problem[1]
+    return StepResult("torque", TORQUE, figure, checks, problem, all_found)
 
 
 def _stands(device: Device, c: Capture, check: TorqueCheck) -> bool:

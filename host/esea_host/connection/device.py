@@ -144,8 +144,7 @@ class ConnectedDevice:
         assert self.address is not None
         transport = open_patiently(self.address, lambda: self._closing, most_s)
         try:
-            named = self.identity.device.origin.removesuffix(".toml")
-            found = identify(transport, named, self.identity.key)
+            found = identify(transport, self.identity.device, self.identity.key)
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Behind the link is another board now.", "Connect anew.")
             self.session.take_time_of(Session(transport, self._dialect, WAIT_S))

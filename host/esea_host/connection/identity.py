@@ -68,11 +68,12 @@ class Identity:
     def attachments(self) -> dict[str, bytes]:
         """What a recording must carry to be understood, and computed again, on its own."""
         device = self.device
-        text, _ = read_file(device.origin if Path(device.origin).is_file() else device.name)
+        text, _ = read_file(device.name if device.shipped else device.given[0])
         dialect, sources = _rendered(device, self.real)
         return {
             "facts.json": json.dumps(self.facts(), indent=1).encode(),
             "device.toml": text.encode(),
+            **{f"law:{n}": content for n, content in device.own_laws().items()},
             "dialect.xml": dialect,
             "sources.zip": sources,
         }
@@ -99,9 +100,10 @@ def _rendered(device: Device, real: str) -> tuple[bytes, bytes]:
 
 
 def identify(
-    transport: Transport, expected: str | None = None, key: Path | None = None
+    transport: Transport, expected: str | Device | None = None, key: Path | None = None
 ) -> Identity:
-    device = loaded_device(expected or ANYBODY)
+    given = expected if isinstance(expected, Device) else None
+    device = given or loaded_device(str(expected or ANYBODY))
     session = Session(transport, load_dialect(device), PROBE_S)
     try:
         key = _key_taken(session, key)

@@ -33,7 +33,7 @@ from esea_host.study.task import Inputs, Situation
 
 HANDLE_KGM2 = 0.001
 STEPS = 10  # of 1 ms in a frame of 10 ms
-RUNS = ("READY", "UNREFERENCED", "ARMED", "ACTIVE", "LETTING_GO", "STOPPED")
+RUNS = ("READY", "UNREFERENCED", "ARMED", "ACTIVE", "LETTING_GO", "STOPPING", "STOPPED")
 
 
 def law_ends(element: str) -> tuple[float, float]:

@@ -107,9 +107,11 @@ def device_of(log: Log) -> Device:
         raise UserError(f"{log.path.name} does not say which C made it.", fix)
     if facts["device"] in shipped_devices():
         device = loaded_device(facts["device"])
-    else:  # somebody's own, which lies in the recording: data, its laws are shipped ones
+    else:  # somebody's own, which lies in the recording; its own laws run once they are trusted
         text = log.attachments.get("device.toml", b"").decode("utf-8-sig", "replace")
         device = Device(parse_file(text, f"{log.path.name}: device.toml"), "device.toml")
+        laws = {k: v for k, v in log.attachments.items() if k.startswith("law:")}
+        device.law_files = {k.removeprefix("law:"): v for k, v in laws.items()}
     real = facts.get("real", "f32")
     choose("number format", real, FORMATS)
     ours = format_hash(device, real)

@@ -296,7 +296,7 @@ class LockstepDevice(ConnectedDevice):
     def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive
         transport = LockstepTransport(drive)
-        super().__init__(identify(transport, None), transport, threaded=False)
+        super().__init__(identify(transport, drive.device), transport, threaded=False)
         self.session.clock_s = lambda: drive.ticks * 1e-3
 
     def advance(self, time_s: float) -> None:

@@ -32,6 +32,7 @@ from esea_host.study.words import keyed
 TORQUE_MODE, DEADLINE_MS = 1.0, 500
 FRAME_S, SILENT_S, READY_S, SETTLE_S = 0.01, 1.0, 8.0, 0.2
 AWAY_S, SWITCH_S = 60.0, 30.0
+HALTED = ("FAULT", "STOPPING", "STOPPED")
 WORKING = ("ARMED", "ACTIVE")  # who lets go does not come back, and is armed again
 ASKED = 8  # for the tick, before each trial
 REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not one; assumed
@@ -201,7 +202,7 @@ class BoardSource(InputSource):
             for a, x in tau_Nm.items()
             if abs(x) > most_Nm[a]
         ]
-        if state in ("FAULT", "STOPPED"):
+        if state in HALTED:
             found["problem"] = self._trouble(state)
         elif loaded:
             found["problem"] = (
@@ -240,7 +241,7 @@ class BoardSource(InputSource):
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
         deadline_s = self.now_s() + READY_S
         while (state := self._state_now()) not in WORKING or self.device.state() not in WORKING:
-            if state in ("FAULT", "STOPPED"):
+            if state in HALTED:
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
                 self.device.zero()
@@ -372,7 +373,7 @@ class BoardSource(InputSource):
     def want(self, requests: Mapping[str, float]) -> None:
         wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
-        if state in ("FAULT", "STOPPED"):
+        if state in HALTED:
             raise UserError(self._trouble(state) + ".", "See to it, then go on with study resume.")
         if self._armed and state not in WORKING:
             raise UserError(

@@ -21,6 +21,7 @@ from typing import Any
 from esea_gen.errors import UserError
 from esea_gen.files import locked
 from esea_gen.toml_file import read_text
+from esea_gen.trust import inside, read_code
 from esea_host.study.allocation import Allocations, stratum_named
 from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
@@ -30,7 +31,6 @@ from esea_host.study.records import AUDIT, check_record, consent_date, ends, lac
 from esea_host.study.session import SessionState, StudySession, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
-from esea_host.study.trust import inside, read_code
 
 LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for

@@ -12,13 +12,13 @@ from joblib import Parallel, delayed
 
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.errors import UserError
+from esea_gen.trust import allow
 from esea_host.study.allocation import strata_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
 from esea_host.study.protocol import Protocol
 from esea_host.study.source import InputSource, SimulatedSource
-from esea_host.study.trust import allow
 
 # From the participant's number to what gives the source of each session, told the days between.
 Sources = Callable[[int], Callable[[int, float], InputSource]]

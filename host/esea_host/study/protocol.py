@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
+from esea_gen.trust import TaskCode, allow, inside, read_code
 from esea_host.study.task import StudyTask, load_tasks, task_named
-from esea_host.study.trust import TaskCode, allow, inside, read_code
 from esea_host.study.words import Words, language_of, words_of
 
 GROUP = "group"

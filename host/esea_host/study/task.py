@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.python_file import import_file
+from esea_gen.trust import TaskCode, must_be_trusted
 from esea_host.study.scene import Scene
-from esea_host.study.trust import TaskCode, must_be_trusted
 
 Row = Mapping[str, Any]
 Inputs = Mapping[str, float]

@@ -52,9 +52,10 @@ class StopSender:
         self._wanted.set()
         self._thread.join(1.0)
 
-    def send(self) -> None:
-        command = self._dialect.MAV_CMD_USER_4
-        message = self._dialect.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
+    def send(self, repeats: int = 0) -> None:
+        """One frame; a repeated one is not the second stop, which switches off at once."""
+        command, again = self._dialect.MAV_CMD_USER_4, min(repeats, 255)
+        message = self._dialect.MAVLink_command_long_message(1, 1, command, again, *[0.0] * 7)
         frame = bytes(message.pack(self._encoder))
         self._encoder.seq = (self._encoder.seq + 1) % 256
         self._device.receiver.write(frame, 1.0)
@@ -70,13 +71,17 @@ class StopSender:
             self._wanted.wait()
             if self._closed:
                 return
-            self._wanted.clear()
-            end_s = time.monotonic() + FOR_S
+            end_s, repeats = time.monotonic() + FOR_S, 0
             # Once at least: what the heartbeat says may be old.
             while not self._closed:
+                if self._wanted.is_set():
+                    self._wanted.clear()
+                    repeats = 0
                 with contextlib.suppress(LinkError):
-                    self.send()
-                time.sleep(EVERY_S)
+                    self.send(repeats)
+                repeats += 1
+                if self._wanted.wait(EVERY_S):
+                    continue
                 if self._stopped() or time.monotonic() >= end_s:
                     break
 

@@ -165,7 +165,7 @@ class StopWindow(QMainWindow):
 
     def __init__(self, stop_text: str = "STOP\n(Space)", escape_text: str = ESCAPED) -> None:
         super().__init__()
-        self.stop_asked_s, self._escape_text = 0.0, escape_text
+        self.stop_asked_s, self._escape_text, self._closes = 0.0, escape_text, False
         self.bar = BoardBar(stop_text)
         self.stop_button = self.bar.stop_button
         # When it goes down, not when it comes up again.
@@ -269,7 +269,7 @@ class StopWindow(QMainWindow):
 
     def stop_unconfirmed(self, state: str) -> bool:
         """Whether a stop was sent, and a board in this state has not confirmed it in time."""
-        if state == "STOPPED":
+        if state in ("STOPPING", "STOPPED"):
             self.stop_asked_s = 0.0
         waited_s = time.monotonic() - self.stop_asked_s
         return self.stop_asked_s > 0 and waited_s > UNCONFIRMED_S
@@ -299,17 +299,22 @@ class StopWindow(QMainWindow):
             return False
         if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
             return False
-        key = event.key()
+        # A key held down is one stop: the second one switches the motor off at once.
+        key, again = event.key(), event.isAutoRepeat()
         if key == Qt.Key.Key_Escape:
             opened = popup is not None or QApplication.activeModalWidget() is not None
-            if not opened or event.isAutoRepeat():
-                self.stop()
-            else:
+            if opened and not again:
+                self._closes = True
                 self.bar.notice(self._escape_text)
-            return False
+                return False
+            if self._closes or not again:
+                self._closes = False
+                self.stop()
+            return True
         typing = popup is None and isinstance(QApplication.focusWidget(), QLineEdit)
         if key == Qt.Key.Key_F12 or (key == Qt.Key.Key_Space and not typing):
-            self.stop()
+            if not again:
+                self.stop()
             return True
         return False
 

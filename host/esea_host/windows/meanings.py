@@ -19,6 +19,7 @@ MOTOR_ON = ("ARMED", "ACTIVE", "LETTING_GO")
 ROLES = dict.fromkeys(MOTOR_ON, "moving") | {
     "FAULT": "alarm",
     "STOPPED": "alarm",
+    "STOPPING": "alarm",
     "UNREFERENCED": "caution",
     "ZEROING": "caution",
     "READY": "good",
@@ -27,6 +28,7 @@ NEXT = {
     "UNKNOWN": "Waiting for the board's heartbeat.",
     "UNREFERENCED": "Next: unload the joint, hold it still at its zero, then Zero.",
     "READY": "Next: Arm switches the motor on.",
+    "STOPPING": "STOP again switches the motor off at once.",
     "STOPPED": "Next: Release, when it is safe to continue.",
     "FAULT": "Next: remove the cause, then Acknowledge fault.",
 }
@@ -110,6 +112,7 @@ def refusals(state: str, moves: bool = False, fault: int = 0) -> dict[str, str]:
     first = {
         "UNREFERENCED": "zero first",
         "STOPPED": "release first",
+        "STOPPING": "stopping",
         "FAULT": "acknowledge first",
         "ZEROING": "zeroing",
         "UNKNOWN": "no heartbeat",

@@ -46,7 +46,7 @@ class BoardOperator(ABC):
         state = self._device.state()
         if state in WORKING and self.there:
             self._device.want(DEADLINE_MS, mode=TORQUE_MODE, **self.asked(now_s))
-        over = ("STOPPED", "FAULT") if self.AGAIN else ("STOPPED", "FAULT", *WORKING)
+        over = ("STOPPING", "STOPPED", "FAULT", *(() if self.AGAIN else WORKING))
         self.arms = self.arms and state not in over
         if self.arms and now_s > self._asked_s + AGAIN_S:
             # A hand that moves is not zeroed, a busy computer lets a deadline pass: again.

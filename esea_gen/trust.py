@@ -1,7 +1,8 @@
-"""Which task files may run: those that somebody has trusted by their SHA-256, and no others.
+"""Which Python files may run: those that somebody has trusted by their SHA-256, and no others.
 
-A study's folder and a protocol may come from anybody.  A file that is named on the command line
-(``--task FILE.py``) was chosen by who names it; any other one is first shown with its hash.
+A study's folder, a protocol and a device file may come from anybody.  A file that is named on the
+command line (``--task FILE.py``, ``--controller FILE.py:LAW``) was chosen by who names it; any
+other one is first shown with its hash.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ _allowed: set[str] = set()
 
 @dataclass(frozen=True)
 class TaskCode:
-    """A file with tasks: the bytes that were hashed are the bytes that run."""
+    """A file with tasks or laws: the bytes that were hashed are the bytes that run."""
 
     path: Path
     content: bytes
     sha256: str
+
+    @classmethod
+    def of(cls, path: Path, content: bytes) -> TaskCode:
+        return cls(path, content, hashlib.sha256(content).hexdigest())
 
     @property
     def trusted(self) -> bool:
@@ -35,7 +40,7 @@ class TaskCode:
 
 def read_code(path: Path) -> TaskCode:
     content = read_whole(path, "Name a Python file with tasks.", MOST_BYTES)
-    return TaskCode(path, content, hashlib.sha256(content).hexdigest())
+    return TaskCode.of(path, content)
 
 
 def inside(folder: Path, path: Path, where: str) -> Path:
@@ -52,7 +57,7 @@ def inside(folder: Path, path: Path, where: str) -> Path:
     return folder / path
 
 
-def must_be_trusted(codes: Iterable[TaskCode]) -> None:
+def must_be_trusted(codes: Iterable[TaskCode], how: str = "add:") -> None:
     """Refuse code that nobody has trusted, with each hash."""
     new = [c for c in codes if not c.trusted]
     if new:
@@ -60,7 +65,7 @@ def must_be_trusted(codes: Iterable[TaskCode]) -> None:
         options = " ".join(f"--trust {c.sha256}" for c in new)
         raise UserError(
             f"Code that has not been trusted; none of it was run: {listed}.",
-            f"Read it. To run it from now on, add: {options}",
+            f"Read it. To run it from now on, {how} {options}",
         )
 
 
