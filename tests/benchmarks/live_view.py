@@ -113,6 +113,8 @@ def window_soak(
     channels: drawn beside the panels' own signals, each with its spectrum.
     """
     qt = application()
+    from PySide6.QtCore import Qt
+
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import LiveWindow
 
@@ -121,8 +123,8 @@ def window_soak(
     window = LiveWindow(feed)
     window.timer.stop()
     window.toggle_spectrum()
-    for key in window.channels.names()[:channels]:
-        window.channels.choose(*key)
+    for item in list(window.channels.items.values())[:channels]:
+        item.setCheckState(0, Qt.CheckState.Checked)
     window.resize(1280, 860)
     window.show()
     counts = {n: len(b.rows) for n, b in pieces.items() if n in feed.rings}

@@ -179,9 +179,11 @@ def test_cursors_channels_notes_themes_and_zoom_by_key(seen, qtbot, tmp_path):
     assert window.window_s == 5.0
     qtbot.keyClick(window, Qt.Key.Key_K)
     window.channels.search.setText("energy window")
-    assert ("sense_out", "energy_J") in window.channels.names()
-    assert len(window.channels.names()) < 5
-    window.channels.mark("sense_out", "energy_J")
+    items = window.channels.items
+    energy = items["sense_out", "energy_J"]
+    assert energy in [i for i in items.values() if not i.isHidden()]
+    assert sum(not i.isHidden() for i in items.values()) < 5
+    window.channels.tree.setCurrentItem(energy)
     qtbot.keyClick(window.channels.tree, Qt.Key.Key_Return)
     window.draw()
     assert [s.name for s in window.chosen.signals] == ["sense_out.energy_J"]

@@ -126,7 +126,6 @@ def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:
 
 
 WARNED_S = 2.0
-STATES = {"UNREFERENCED": "not zeroed", "READY": "ready", "FAULT": "fault", "STOPPED": "stopped"}
 
 
 class BoardPanel(QWidget):
@@ -136,13 +135,13 @@ class BoardPanel(QWidget):
         super().__init__()
         self.board, self.loop = board, MovementLoop()
         self.warning, self.verdict = QLabel(), plain_label()
-        self.numbers = [QLabel() for _ in range(4)]
+        self.numbers = [QLabel() for _ in range(3)]
         self._warned_s = -WARNED_S
         self._from_s, self._to_s = 0.0, float("inf")
         self.verdict.setWordWrap(True)
         words = QGridLayout()
         for i, (text, label) in enumerate(
-            zip(("Bending", "Speed", "Torque", "Board"), self.numbers, strict=True)
+            zip(("Bending", "Speed", "Torque"), self.numbers, strict=True)
         ):
             words.addWidget(QLabel(text), i, 0)
             words.addWidget(label, i, 1)
@@ -178,13 +177,10 @@ class BoardPanel(QWidget):
         shown = ["–"] * 3
         if not trouble and board.rows:
             shown = [f"{now[1] / DEG:.0f}°", f"{now[2] / DEG:.0f}°/s", f"{now[3]:.1f} Nm"]
-        state = board.state()
-        shown.append(STATES.get(state, state.lower()))
         over = (
             now[1] < limits.low_rad or now[1] > limits.high_rad,
             abs(now[2]) > limits.rate_rad_s,
             False,
-            bool(trouble),
         )
         for label, text, alarming in zip(self.numbers, shown, over, strict=True):
             label.setText(f"<b>{text}</b>")

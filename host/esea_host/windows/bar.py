@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 
-from PySide6.QtCore import QEvent, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QHelpEvent, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QPushButton,
     QSizePolicy,
-    QToolTip,
     QVBoxLayout,
     QWidget,
 )
@@ -52,14 +51,12 @@ class StepButton(QPushButton):
         self.clicked.connect(lambda *_: job())
         self.refuse("")
 
-    def rename(self, name: str) -> None:
-        if name != self.name:
-            self.name = name
-            self.refuse(self.refusal)
-
-    def refuse(self, reason: str) -> None:
-        self.refusal = reason
-        self.setText(f"{self.name}\n{reason or self.keys}".rstrip())
+    def refuse(self, reason: str, name: str = "") -> None:
+        """Empty: it may be pressed; name: another one from now on."""
+        self.name, self.refusal = name or self.name, reason
+        text = f"{self.name}\n{reason or self.keys}".rstrip()
+        if text != self.text():
+            self.setText(text)
         self.setEnabled(not reason)
 
 
@@ -71,7 +68,6 @@ class IndicatorRow(QWidget):
         self.meanings: dict[str, str] = {}
         self.lit: frozenset[str] = frozenset()
         self.theme = LIGHT
-        self._places: list[tuple[QRectF, str]] = []
         self.setFixedHeight(INDICATOR_PX)
 
     def offer(self, meanings: Mapping[str, str]) -> None:
@@ -83,7 +79,8 @@ class IndicatorRow(QWidget):
         lit = frozenset(names)
         if lit != self.lit:
             self.lit = lit
-            self.setAccessibleDescription(", ".join(sorted(lit)))
+            told = "\n".join(f"{n}: {m}" for n, m in self.meanings.items() if n in lit)
+            self.setToolTip(plain_tip(told).replace("\n", "<br>") if told else "")
             self.update()
 
     def shown(self) -> list[str]:
@@ -101,7 +98,7 @@ class IndicatorRow(QWidget):
         return self.fontMetrics().horizontalAdvance(name) + 18.0
 
     def paintEvent(self, _: QPaintEvent) -> None:
-        painter, left, self._places = QPainter(self), 0.0, []
+        painter, left = QPainter(self), 0.0
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         ground, ink = (QColor(c) for c in STATE_STYLES["caution"])
         for name in self.shown():
@@ -112,18 +109,8 @@ class IndicatorRow(QWidget):
             painter.drawRoundedRect(chip, 4, 4)
             painter.setPen(ink if acts else QColor(self.theme.soft))
             painter.drawText(chip, Qt.AlignmentFlag.AlignCenter, name)
-            self._places.append((chip, name))
             left += self._width(name)
         painter.end()
-
-    def event(self, event: QEvent) -> bool:
-        """The meaning of the one under the mouse."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            at = (n for place, n in self._places if place.contains(event.pos()))
-            name = next(at, "")
-            QToolTip.showText(event.globalPos(), plain_tip(self.meanings[name]) if name else "")
-            return True
-        return super().event(event)
 
 
 class BoardBar(QWidget):
@@ -153,24 +140,20 @@ class BoardBar(QWidget):
         self._values.addWidget(self.state)
         self._values.addStretch(1)
         self._steps.addStretch(1)
-        whose = QHBoxLayout()
+        whose, lines, left = QHBoxLayout(), QVBoxLayout(), QVBoxLayout()
         whose.addWidget(self.badge)
         whose.addWidget(self.who, 1)
         told = QWidget()
         told.setMinimumHeight(WORDS_PX)
-        lines = QVBoxLayout(told)
+        told.setLayout(lines)
         lines.setContentsMargins(0, 0, 0, 0)
         lines.setSpacing(0)
-        lines.addWidget(self.words)
-        lines.addWidget(self.said)
+        for label in (self.words, self.said):
+            lines.addWidget(label)
         lines.addStretch(1)
-        left = QVBoxLayout()
         left.setSpacing(3)
-        left.addLayout(whose)
-        left.addLayout(self._values)
-        left.addWidget(told)
-        left.addLayout(self._steps)
-        left.addWidget(self.indicators)
+        for part in (whose, self._values, told, self._steps, self.indicators):
+            left.addWidget(part) if isinstance(part, QWidget) else left.addLayout(part)
         whole = QHBoxLayout(self)
         whole.setContentsMargins(8, 4, 8, 4)
         whole.addLayout(left, 1)
@@ -181,16 +164,17 @@ class BoardBar(QWidget):
         self._steps.insertWidget(len(self.steps) - 1, button)
         return button
 
-    def add_readout(self, caption: str) -> None:
-        self.readouts[caption] = QLabel()
-        self._values.addWidget(self.readouts[caption])
-
-    def show_value(self, caption: str, text: str) -> None:
-        px = self._px()
+    def show_value(self, name: str, text: str, caption: str = "", colour: str = "") -> None:
+        """A value to be read from afar; caption: instead of its name."""
+        px, caption = self._px(), caption or name
+        if name not in self.readouts:
+            self.readouts[name] = QLabel()
+            self._values.addWidget(self.readouts[name])
         small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>"
-        self.readouts[caption].setText(f"{small}<br><b style='font-size:{px}px'>{text}</b>")
-        self.readouts[caption].setMinimumWidth(4 * px)
-        self.readouts[caption].setAccessibleName(text)
+        style = f"font-size:{px}px" + (f"; color:{colour}" if colour else "")
+        self.readouts[name].setText(f"{small}<br><b style='{style}'>{text}</b>")
+        self.readouts[name].setMinimumWidth(4 * px)
+        self.readouts[name].setAccessibleName(text)
 
     def _px(self) -> int:
         return min(max(self.width() // WIDTHS, LEAST_PX), MOST_PX)
@@ -209,9 +193,8 @@ class BoardBar(QWidget):
     def tell(self, words: str, theme: Theme, *, alarm: bool = False, said: str = "") -> None:
         """words: of the state, or an alarm; said: what was answered last."""
         self.words.setText(words)
-        weight = "bold" if alarm else "normal"
-        colour = theme.alarm if alarm else theme.ink
-        restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 15px")
+        loud = f"color: {theme.alarm}; font-weight: bold; " if alarm else ""
+        restyle(self.words, loud + "font-size: 15px")
         self.said.setText(self._notice if time.monotonic() < self._until_s else said)
         self.indicators.theme = theme
 
@@ -233,8 +216,7 @@ class BoardBar(QWidget):
 
     def refuse(self, reasons: Mapping[str, str]) -> None:
         for name, button in self.steps.items():
-            if button.refusal != reasons.get(name, ""):
-                button.refuse(reasons.get(name, ""))
+            button.refuse(reasons.get(name, ""))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

@@ -5,25 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLineEdit, QTreeWidget, QTreeWidgetItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
 
 from esea_host.recording.layout import StreamColumn
+from esea_host.windows.frame import column_of
 from esea_host.windows.theme import plain_tip
 
 
 class ChannelTree(QWidget):
-    """columns: by stream and name; chosen: is called when the choice has changed."""
+    """columns: by stream and name; changed: is called when the choice has changed."""
 
     def __init__(
-        self, columns: Mapping[tuple[str, str], StreamColumn], chosen: Callable[[], None]
+        self, columns: Mapping[tuple[str, str], StreamColumn], changed: Callable[[], None]
     ) -> None:
         super().__init__()
         self.search, self.tree = QLineEdit(), QTreeWidget()
         self.search.setPlaceholderText("search: name, unit or meaning")
         self.search.textChanged.connect(self._sift)
         self.tree.setHeaderLabels(["channel", "unit"])
+        self.tree.setMinimumHeight(40)
         self.setFocusProxy(self.tree)
-        self._items: dict[tuple[str, str], QTreeWidgetItem] = {}
+        self.items: dict[tuple[str, str], QTreeWidgetItem] = {}
         self._words: dict[tuple[str, str], str] = {}
         groups: dict[str, QTreeWidgetItem] = {}
         for (stream, name), c in columns.items():
@@ -35,44 +37,27 @@ class ChannelTree(QWidget):
             item = QTreeWidgetItem(groups[stream], [name, "" if c.unit == "1" else c.unit])
             item.setToolTip(0, plain_tip(f"{c.meaning} [{c.unit}]"))
             item.setCheckState(0, Qt.CheckState.Unchecked)
-            self._items[stream, name] = item
+            self.items[stream, name] = item
             self._words[stream, name] = f"{stream}.{name} {c.unit} {c.meaning}".lower()
-        for column in range(2):
-            self.tree.resizeColumnToContents(column)
-        self.tree.itemChanged.connect(lambda *_: chosen())
+        self.tree.resizeColumnToContents(0)
+        self.tree.itemChanged.connect(lambda *_: changed())
         self.tree.itemActivated.connect(_toggle)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(4, 4, 4, 4)
-        column.addWidget(self.search)
-        column.addWidget(self.tree)
-        self.tree.setMinimumHeight(40)
+        self.setLayout(column_of(self.search, self.tree))
 
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.
         wanted = text.lower().split()
         for i in range(self.tree.topLevelItemCount()):
             self.tree.topLevelItem(i).setHidden(bool(wanted))
-        for key, item in self._items.items():
+        for key, item in self.items.items():
             fits = all(w in self._words[key] for w in wanted)
             item.setHidden(not fits)
             if fits and wanted:
                 item.parent().setHidden(False)
                 item.parent().setExpanded(True)
 
-    def names(self) -> list[tuple[str, str]]:
-        """Those that are listed now."""
-        return [key for key, item in self._items.items() if not item.isHidden()]
-
     def chosen(self) -> list[tuple[str, str]]:
-        return [k for k, i in self._items.items() if i.checkState(0) == Qt.CheckState.Checked]
-
-    def choose(self, stream: str, name: str) -> None:
-        """Mark one, as a click does."""
-        self._items[stream, name].setCheckState(0, Qt.CheckState.Checked)
-
-    def mark(self, stream: str, name: str) -> None:
-        """Put the keyboard's mark onto one."""
-        self.tree.setCurrentItem(self._items[stream, name])
+        return [k for k, i in self.items.items() if i.checkState(0) == Qt.CheckState.Checked]
 
 
 def _toggle(item: QTreeWidgetItem) -> None:

@@ -120,8 +120,6 @@ class LiveWindow(StopWindow):
             self.panels.append(TimePlot(self.area, len(self.panels), head[0], head[1]))
             self._signals.append(signals)
             self._heads.append(head)
-            if head[0] in READOUTS:
-                self.bar.add_readout(READOUTS[head[0]])
         self.area.setMinimumHeight(PANEL_PX * len(self.panels) + BANDS_PX)
         self.chosen = TimePlot(self.area, len(self.panels), "Chosen", "")
         self.chosen.item.setVisible(False)

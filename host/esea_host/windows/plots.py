@@ -349,18 +349,19 @@ class LoopPlot(PlotPanel):
     def draw(self, shown: Shown) -> None:
         """Moving means: single rows are a sawtooth of the encoders' steps."""
         stretch = shown[self.x.stream]
-        step = max(1, -(-len(stretch.rows) // MOST_POINTS))
-        start = -stretch.first % step  # the same groups in every picture
-        count = max(0, len(stretch.rows) - start) // step
+        rows = len(stretch.rows)
+        many = rows and max(
+            1, round(MEAN_S * (rows - 1) / (stretch.time_s[-1] - stretch.time_s[0] + 1e-9))
+        )
+        if not 0 < many <= rows:
+            return
+        step = max(1, -(-rows // MOST_POINTS))
         x, y = (
-            s.values(shown)[start : start + count * step].reshape(-1, step).mean(1)
+            np.convolve(s.values(shown), np.full(many, 1 / many), "valid")[
+                -stretch.first % step :: step
+            ]
             for s in (self.x, self.y)
         )
-        x[stretch.after_gap[start : start + count * step].reshape(-1, step).any(1)] = np.nan
-        if count > 1:
-            point_s = (stretch.time_s[-1] - stretch.time_s[0]) / count
-            many = min(max(1, round(MEAN_S / max(point_s, 1e-6))), count)
-            x, y = (np.convolve(v, np.full(many, 1 / many), "valid") for v in (x, y))
         ends = np.linspace(0, len(x), FADES + 1).astype(int)
         for part, a, b in zip(self._past, ends, ends[1:], strict=False):
             part.setData(x[a : b + 1], y[a : b + 1])

@@ -150,18 +150,17 @@ class WristWindow(StopWindow):
         raw = _Pane()
         self.panes: dict[str, SceneView] = {"raw": raw, "normalised": SceneView()}
         self.heads = {n: QLabel() for n in self.panes}
-        self.readouts = {n: QLabel() for n in self.panes}
-        for label in (*self.heads.values(), *self.readouts.values()):
+        for label in self.heads.values():
             # No text widens its column.
             label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
         grid = QGridLayout()
         for column, name in enumerate(self.panes):
-            for row, part in enumerate((self.heads[name], self.panes[name], self.readouts[name])):
-                grid.addWidget(part, row, column)
+            grid.addWidget(self.heads[name], 0, column)
+            grid.addWidget(self.panes[name], 1, column)
             grid.setColumnStretch(column, 5)
         self._area = pg.GraphicsLayoutWidget()
         self._plots = [_FactorPlot(self._area, row, axis) for row, axis in enumerate(AXES)]
-        grid.addWidget(self._area, 0, 2, 3, 1)
+        grid.addWidget(self._area, 0, 2, 2, 1)
         grid.setColumnStretch(2, 5)
         grid.setRowStretch(1, 1)
         self.fill(column_of(self._bar(), (grid, 1), self.note))
@@ -313,10 +312,8 @@ class WristWindow(StopWindow):
             ("raw", [a.theta_deg for a in picture.axes]),
             ("normalised", [a.cursor_deg for a in picture.axes]),
         ):
-            told = " &nbsp; ".join(
-                f"{a} <b>{round(v) + 0.0:+.0f}°</b>" for a, v in zip(AXES, values, strict=True)
-            )
-            self.readouts[name].setText(f'<span style="font-size:32px">{told}</span>')
+            for axis, value in zip(AXES, values, strict=True):
+                self.bar.show_value(f"{name} {axis} [deg]", f"{round(value) + 0.0:+.0f}")
 
     def _constraint(self, acts: bool | None) -> str:
         if acts is None:

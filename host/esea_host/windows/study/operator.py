@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QCloseEvent, QColor, QPainter, QPaintEvent
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QCloseEvent, QColor
 from PySide6.QtWidgets import (
-    QGridLayout,
     QHBoxLayout,
     QHeaderView,
     QLabel,
@@ -19,7 +18,6 @@ from PySide6.QtWidgets import (
     QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
-    QWidget,
 )
 
 from esea_host.connection import ConnectedDevice
@@ -41,47 +39,7 @@ TURN_MS, MOST_READOUTS = 100, 4
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
 IN_BAR = ("pause", "recentre", "open")
 REASONED = ("note", "repeat_this_trial", "repeat_block", "skip_this_trial")
-NEAR = 0.85  # of the way to a limit
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
-
-
-class GaugeBar(QWidget):
-    """Name, value, unit; under them a bar from limit to limit with a mark where the value is."""
-
-    def __init__(self, words: Words) -> None:
-        super().__init__()
-        self.gauge, self.theme, self.words = Gauge("", 0.0, -1.0, 1.0, ""), LIGHT, words
-        self.setMinimumSize(180, 44)
-
-    def sizeHint(self) -> QSize:
-        return QSize(260, 44)
-
-    @property
-    def near(self) -> bool:
-        g = self.gauge
-        middle, half = (g.low + g.high) / 2, (g.high - g.low) / 2
-        return not abs(g.value - middle) <= NEAR * half
-
-    def paintEvent(self, _: QPaintEvent) -> None:
-        painter, g, theme = QPainter(self), self.gauge, self.theme
-        low, now, high = (
-            self.words.format_field(round(x, 2) + 0.0, ".2f") for x in (g.low, g.value, g.high)
-        )
-        name = " ".join(self.words.or_same("gauge", part) for part in g.name.split())
-        painter.setPen(QColor(theme.alarm if self.near else theme.ink))
-        space = "" if g.unit == "deg" else "\u00a0"
-        unit = self.words.or_same("gauge", g.unit)
-        painter.drawText(0, 14, f"{name}: {now}{space}{unit}")
-        painter.setPen(QColor(theme.soft))
-        painter.drawText(0, 42, low)
-        width = float(self.width() - 2)
-        painter.drawText(int(width) - painter.fontMetrics().horizontalAdvance(high), 42, high)
-        painter.fillRect(QRectF(0, 19, width, 8), QColor(theme.ground))
-        if math.isfinite(g.value) and g.high > g.low:
-            share = min(max((g.value - g.low) / (g.high - g.low), 0.0), 1.0)
-            colour = QColor(theme.alarm if self.near else theme.measured)
-            painter.fillRect(QRectF(share * (width - 6), 17, 6, 12), colour)
-        painter.end()
 
 
 class OperatorWindow(StopWindow):
@@ -132,19 +90,16 @@ class OperatorWindow(StopWindow):
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
-        self.gauges = [GaugeBar(self.words) for _ in self.conductor.source.gauges()]
-        for gauge in self.conductor.source.gauges()[:MOST_READOUTS]:
-            self.bar.add_readout(self._caption(gauge))
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        labels, gauges = (self.now, self.timers, self.coming), QGridLayout()
-        for k, gauge in enumerate(self.gauges):  # of two axes side by side
-            gauges.addWidget(gauge, *divmod(k, max(1, len(self.gauges) // 2)))
-        return column_of((self.scene, 3), *labels, gauges, (self.happened, 2))
+        labels = self.now, self.timers, self.coming
+        return column_of((self.scene, 3), *labels, (self.happened, 2))
 
-    def _caption(self, gauge: Gauge) -> str:
-        parts = (self.words.or_same("gauge", part) for part in gauge.name.split())
-        return f"{' '.join(parts)} [{self.words.or_same('gauge', gauge.unit)}]"
+    def _caption(self, g: Gauge) -> str:
+        words = self.words
+        name = " ".join(words.or_same("gauge", part) for part in g.name.split())
+        ends = (words.format_field(x, ".3g") for x in (g.low, g.high))
+        return f"{name} [{words.or_same('gauge', g.unit)}], {' … '.join(ends)}"
 
     def _build_trials(self) -> None:
         plan, words = self.conductor.plan, self.words
@@ -280,33 +235,32 @@ class OperatorWindow(StopWindow):
             self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of} &nbsp; {again}")
         self.timers.setText(self._times())
         self.coming.setText(self._next())
-        for bar, gauge in zip(self.gauges, c.source.gauges(), strict=False):
-            bar.gauge = gauge
-            bar.update()
-            if (caption := self._caption(gauge)) in self.bar.readouts:
-                self.bar.show_value(caption, words.format_field(gauge.value, ".2f"))
+        for gauge in c.source.gauges()[:MOST_READOUTS]:
+            value = words.format_field(gauge.value, ".1f" if gauge.unit == "deg" else ".2f")
+            colour = self.theme.alarm if gauge.near else ""
+            self.bar.show_value(gauge.name, value, self._caption(gauge), colour)
         self._list_trials()
         self._list_events()
         waits = c.paused or c.phase == HELD
-        self.buttons["pause"].rename(words("operator.go_on" if waits else "operator.pause"))
+        names = {"pause": words("operator.go_on" if waits else "operator.pause")}
         switches = task_named(trial.task, "plan").switches if trial is not None else ()
         self.buttons["recentre"].setVisible("recentre" in switches)
         if self.chosen is not None:
             for what in ("repeat", "skip"):
                 text = words(f"operator.{what}_trial", number=self.chosen.number)
-                self.buttons[f"{what}_this_trial"].rename(text)
-        self._refuse()
+                names[f"{what}_this_trial"] = text
+        self._refuse(names)
         self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
         self.adverse.look()
 
-    def _refuse(self) -> None:
+    def _refuse(self, names: Mapping[str, str]) -> None:
         # Each button that would do nothing tells why.
         c, words = self.conductor, self.words
         over = words("operator.is_over") if c.phase == OVER else ""
         reason = "" if self.written.text().strip() else words("operator.needs_reason")
         for name, button in self.buttons.items():
             given = reason if name in REASONED else ""
-            button.refuse("" if name == "open" else over or given)
+            button.refuse("" if name == "open" else over or given, names.get(name, ""))
 
     def _tell(self) -> None:
         c, words = self.conductor, self.words
@@ -398,8 +352,6 @@ class OperatorWindow(StopWindow):
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
         self.adverse.theme = theme
-        for bar in self.gauges:
-            bar.theme = theme
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:
