@@ -189,10 +189,10 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows):
         operator.written.setText(words)
         operator.trials.selectRow(row)
         operator.refresh()
-        assert operator.buttons["skip_this_trial"].text() == f"Skip trial {row + 1}"
+        assert operator.buttons["skip_this_trial"].name == f"Skip trial {row + 1}"
         job()
     operator.refresh()
-    assert operator.buttons["skip_this_trial"].text() == "Skip trial 2"  # the one that runs
+    assert operator.buttons["skip_this_trial"].name == "Skip trial 2"  # the one that runs
     operator.written.setText("again")
     operator.trials.selectRow(4)
     operator.repeat_block()  # nothing of it was run

@@ -33,7 +33,7 @@ from esea_host.windows.assess_controls import BoardPanel, ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
 from esea_host.windows.bar import StepButton, restyle
 from esea_host.windows.frame import (
-    STOP_KEYS,
+    STOP_NAME,
     Job,
     StopWindow,
     column_of,
@@ -130,7 +130,7 @@ class AssessWindow(StopWindow):
             for name, (key, job) in (steps | {"Zero": ("Ctrl+0", self.panel.board.zero)}).items():
                 jobs.append((name, key, partial(self._step, job)))
                 self.bar.add_step(name, StepButton(name, key, jobs[-1][2]))
-            jobs.append(("STOP", STOP_KEYS, self.stop))
+            jobs.append((STOP_NAME, "", self.stop))
         self.add_menu("&Assessment", jobs)
 
     def stop(self) -> None:

@@ -27,7 +27,7 @@ class ChannelTree(QWidget):
         self.setFocusProxy(self.tree)
         self.items: dict[tuple[str, str], QTreeWidgetItem] = {}
         self._words: dict[tuple[str, str], str] = {}
-        groups: dict[str, QTreeWidgetItem] = {}
+        self._groups = groups = dict[str, QTreeWidgetItem]()
         for (stream, name), c in columns.items():
             if c.kind != "f4" or c.size != 1:
                 continue
@@ -47,14 +47,14 @@ class ChannelTree(QWidget):
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.
         wanted = text.lower().split()
-        for i in range(self.tree.topLevelItemCount()):
-            self.tree.topLevelItem(i).setHidden(bool(wanted))
+        found = {k: all(w in self._words[k] for w in wanted) for k in self.items}
         for key, item in self.items.items():
-            fits = all(w in self._words[key] for w in wanted)
-            item.setHidden(not fits)
-            if fits and wanted:
-                item.parent().setHidden(False)
-                item.parent().setExpanded(True)
+            item.setHidden(not found[key])
+        for stream, group in self._groups.items():
+            fits = any(found[k] for k in found if k[0] == stream)
+            group.setHidden(not fits)
+            if wanted and fits:
+                group.setExpanded(True)
 
     def chosen(self) -> list[tuple[str, str]]:
         return [k for k, i in self.items.items() if i.checkState(0) == Qt.CheckState.Checked]

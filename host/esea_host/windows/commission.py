@@ -30,7 +30,7 @@ from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
 from esea_host.windows.frame import (
     NOT_CONFIRMED,
-    STOP_KEYS,
+    STOP_NAME,
     StopWindow,
     column_of,
     qt_application,
@@ -96,8 +96,8 @@ class CommissioningWindow(StopWindow):
             self.bar.add_step(made.name, made)
         device = self.bench.device
         for name, job in ((RELEASE, device.release), (CLEAR, device.clear)):
-            self.bar.add_step(name, StepButton(name, "", partial(self._ask, name, job)))
-        self.add_menu("&Board", [("STOP", STOP_KEYS, self.stop)])
+            self.bar.add_step(name, StepButton(name, "", partial(self._command, name, job)))
+        self.add_menu("&Board", [(STOP_NAME, "", self.stop)])
         right = column_of(self.head, self.text, (self.picture, 1))
         self.fill(row_of(self.list, (right, 1)), reads=True)
         self.list.addItems([s.title for s in self.steps])
@@ -187,7 +187,7 @@ class CommissioningWindow(StopWindow):
             self._stopper.stop()
             self.stop_asked_s = time.monotonic()
 
-    def _ask(self, name: str, job: Callable[[], None]) -> None:
+    def _command(self, name: str, job: Callable[[], None]) -> None:
         # Beside the window: the board may take its time to answer.
         def ask() -> None:
             try:

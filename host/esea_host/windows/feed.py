@@ -185,7 +185,7 @@ class LiveFeed:
         """Whether the joint moves too much to be zeroed."""
         for name, ring in self.rings.items():
             columns = [c.name for c in ring.layout.columns if c.name.startswith(ANGLES)]
-            rows = ring.last(round(STILL_S / self.period_s[name])).rows if columns else []
+            rows = ring.last(round(STILL_S / self.period_s[name]) if columns else 0).rows
             if len(rows) and any(float(np.ptp(rows[c])) > STILL_RAD for c in columns):
                 return True
         return False

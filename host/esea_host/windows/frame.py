@@ -55,7 +55,7 @@ Job = Callable[[], object]
 UNCONFIRMED_S = 1.0
 NOT_CONFIRMED = "STOP was sent, and the board has not confirmed it: switch its power off."
 ESCAPED = "Escape closed a menu or dialog, and stopped nothing. Press it again to stop."
-STOP_KEYS = "Space, Escape, F12"
+STOP_NAME = "STOP: Space, Escape or F12"  # no keys of the menu: an open dialog would take them
 LEAST_PX = 700, 400  # of a window: 1440 x 900 at twice the size leaves 720 x 450
 FRAME_PX = 8, 40  # around a window, for its title
 PICTURE_BEFORE_MS, PICTURE_S = 300, 5.0  # before the window closes; where it is not to close
@@ -200,13 +200,10 @@ class StopWindow(QMainWindow):
         """A menu of jobs, each with its keys."""
         menu = self.menus.addMenu(title)
         for name, keys, job in jobs:
-            # The keys of the stop are not the menu's: no open dialog takes them away.
-            action = QAction(f"{name}\t{keys}" if keys == STOP_KEYS else name, self)
-            if keys != STOP_KEYS:
-                action.setShortcut(QKeySequence(keys))
+            action = QAction(name, self)
+            action.setShortcut(QKeySequence(keys))
             action.triggered.connect(called(job))
             menu.addAction(action)
-            self.addAction(action)
 
     def toggle_theme(self) -> None:
         self.set_theme(LIGHT if self.theme is DARK else DARK)
@@ -237,9 +234,9 @@ class StopWindow(QMainWindow):
         jobs.append((CLEAR, "Ctrl+L", partial(feed.do, CLEAR, device.clear)))
         for name, keys, job in jobs:
             self.bar.add_step(name, StepButton(name, keys, partial(self._ask, feed, name, job)))
-        asked = [(n, k, partial(self._ask, feed, n, job)) for n, k, job in jobs]
-        stop: list[tuple[str, str, Job]] = [("STOP", STOP_KEYS, self.stop)]
-        self.add_menu("&Board", stop * drives + asked)
+        asked: list[tuple[str, str, Job]] = [(STOP_NAME, "", self.stop)] if drives else []
+        asked += [(n, k, partial(self._ask, feed, n, job)) for n, k, job in jobs]
+        self.add_menu("&Board", asked)
 
     def _ask(self, feed: LiveFeed, name: str, job: Job) -> None:
         reason = self.bar.steps[name].refusal

@@ -30,7 +30,7 @@ from esea_host.study.task import task_named
 from esea_host.study.words import KeyedText, Words, keyed
 from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
-from esea_host.windows.frame import STOP_KEYS, Job, StopWindow, column_of, row_of
+from esea_host.windows.frame import Job, StopWindow, column_of, row_of
 from esea_host.windows.study.adverse import AdversePanel
 from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
@@ -165,7 +165,7 @@ class OperatorWindow(StopWindow):
 
     def _actions(self) -> None:
         jobs: list[tuple[str, str, Job]] = [
-            ("operator.stop_keys", STOP_KEYS, self.stop),
+            ("operator.stop_keys", "", self.stop),
             ("operator.pause_or_go_on", "P", self.pause),
             ("operator.recentre", "R", self.conductor.recentre),
             ("operator.note", "N", self.written.setFocus),
