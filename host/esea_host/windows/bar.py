@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -17,12 +17,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from esea_host.windows.theme import BANNER_STYLE, LIGHT, STATE_STYLES, Theme, plain_label, plain_tip
+from esea_host.windows.theme import BANNER_STYLE, STATE_STYLES, Theme, plain_label, plain_tip
 
 STOP_PX = QSize(150, 92)  # the same in every window
 # 46 px are 16 minutes of arc at 2 m on a screen of 92 dpi, the least of ISO 9241-303.
 LEAST_PX, MOST_PX, WIDTHS = 24, 46, 28
-STEP_PX, WORDS_PX, INDICATOR_PX = QSize(98, 42), 34, 20
+STEP_PX, WORDS_PX, INDICATORS_PX, WIDE_PX = QSize(98, 42), 34, 34, 1000
 NOTICE_S = 5.0
 STOP_STYLE = (
     "QPushButton {background: #b3261e; color: white; font-size: 22px; font-weight: bold;"
@@ -60,61 +60,38 @@ class StepButton(QPushButton):
         self.setEnabled(not reason)
 
 
-class IndicatorRow(QWidget):
-    """Each limit at its place, lit while it acts; quiet ones give way where there is no room."""
+class IndicatorRow(QLabel):
+    """Each limit at its place, lit while it acts; in a narrow window those only that act."""
 
     def __init__(self) -> None:
         super().__init__()
         self.meanings: dict[str, str] = {}
         self.lit: frozenset[str] = frozenset()
-        self.theme = LIGHT
-        self.setFixedHeight(INDICATOR_PX)
+        self.setTextFormat(Qt.TextFormat.RichText)
+        self.setFixedHeight(INDICATORS_PX)
+        self.hide()
 
     def offer(self, meanings: Mapping[str, str]) -> None:
         self.meanings = dict(meanings)
         self.setVisible(bool(meanings))
-        self.update()
 
-    def light(self, names: Iterable[str]) -> None:
-        lit = frozenset(names)
-        if lit != self.lit:
-            self.lit = lit
-            told = "\n".join(f"{n}: {m}" for n, m in self.meanings.items() if n in lit)
-            self.setToolTip(plain_tip(told).replace("\n", "<br>") if told else "")
-            self.update()
-
-    def shown(self) -> list[str]:
-        """Names that fit: all that are lit before any other one."""
-        widths = {n: self._width(n) for n in self.meanings}
-        room, chosen = float(self.width()), set[str]()
-        for name in sorted(self.meanings, key=lambda n: n not in self.lit):
-            room -= widths[name]
-            if room < 0:
-                break
-            chosen.add(name)
-        return [n for n in self.meanings if n in chosen]
-
-    def _width(self, name: str) -> float:
-        return self.fontMetrics().horizontalAdvance(name) + 18.0
-
-    def paintEvent(self, _: QPaintEvent) -> None:
-        painter, left = QPainter(self), 0.0
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        ground, ink = (QColor(c) for c in STATE_STYLES["caution"])
-        for name in self.shown():
-            chip = QRectF(left + 0.5, 1.5, self._width(name) - 6, self.height() - 4)
-            acts = name in self.lit
-            painter.setBrush(ground if acts else Qt.BrushStyle.NoBrush)
-            painter.setPen(QColor(self.theme.ink if acts else self.theme.soft))
-            painter.drawRoundedRect(chip, 4, 4)
-            painter.setPen(ink if acts else QColor(self.theme.soft))
-            painter.drawText(chip, Qt.AlignmentFlag.AlignCenter, name)
-            left += self._width(name)
-        painter.end()
+    def light(self, names: Iterable[str], theme: Theme) -> None:
+        self.lit, chips = frozenset(names), []
+        ground, ink = STATE_STYLES["caution"]
+        for name, meaning in self.meanings.items():
+            text = escape(name).replace(" ", "&nbsp;")
+            if name in self.lit:
+                style = f"background:{ground}; color:{ink}"
+                chips.append(f'<b style="{style}">&nbsp;{text}&nbsp;</b>')
+            elif self.width() > WIDE_PX:
+                chips.append(f'<span style="color:{theme.soft}">&nbsp;{text}&nbsp;</span>')
+        if (told := " ".join(chips)) != self.text():
+            self.setText(told)
+            self.setToolTip("".join(plain_tip(f"{n}: {self.meanings[n]}") for n in self.lit))
 
 
 class BoardBar(QWidget):
-    """readouts: the values to show large, each by its caption."""
+    """What a window shows of its board or session, and its next steps."""
 
     def __init__(self, stop_text: str) -> None:
         super().__init__()
@@ -123,14 +100,13 @@ class BoardBar(QWidget):
         self.badge.setStyleSheet(BANNER_STYLE)
         self.badge.hide()
         self.indicators = IndicatorRow()
-        self.indicators.hide()
         self.steps: dict[str, StepButton] = {}
         self.readouts: dict[str, QLabel] = {}
         self.stop_button = QPushButton(stop_text)
         self.stop_button.setStyleSheet(STOP_STYLE)
         self.stop_button.setFixedSize(STOP_PX)
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        for label in (self.who, self.words, self.said):
+        for label in (self.who, self.words, self.said, self.indicators):
             label.setWordWrap(True)
             # No text widens the window, or moves what stands beside it.
             label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
@@ -159,10 +135,9 @@ class BoardBar(QWidget):
         whole.addLayout(left, 1)
         whole.addWidget(self.stop_button, 0, Qt.AlignmentFlag.AlignTop)
 
-    def add_step(self, name: str, button: StepButton) -> StepButton:
+    def add_step(self, name: str, button: StepButton) -> None:
         self.steps[name] = button
         self._steps.insertWidget(len(self.steps) - 1, button)
-        return button
 
     def show_value(self, name: str, text: str, caption: str = "", colour: str = "") -> None:
         """A value to be read from afar; caption: instead of its name."""
@@ -173,7 +148,7 @@ class BoardBar(QWidget):
         small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>"
         style = f"font-size:{px}px" + (f"; color:{colour}" if colour else "")
         self.readouts[name].setText(f"{small}<br><b style='{style}'>{text}</b>")
-        self.readouts[name].setMinimumWidth(4 * px)
+        self.readouts[name].setMinimumWidth(7 * px // 2)
         self.readouts[name].setAccessibleName(text)
 
     def _px(self) -> int:
@@ -187,16 +162,15 @@ class BoardBar(QWidget):
         restyle(
             self.state,
             f"background: {ground}; color: {ink}; font-size: {self._px()}px; font-weight: bold;"
-            " padding: 0px 10px; border-radius: 6px",
+            " padding: 0px 8px; border-radius: 6px",
         )
 
     def tell(self, words: str, theme: Theme, *, alarm: bool = False, said: str = "") -> None:
         """words: of the state, or an alarm; said: what was answered last."""
         self.words.setText(words)
-        loud = f"color: {theme.alarm}; font-weight: bold; " if alarm else ""
-        restyle(self.words, loud + "font-size: 15px")
+        colour, weight = (theme.alarm, "bold") if alarm else (theme.ink, "normal")
+        restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 15px")
         self.said.setText(self._notice if time.monotonic() < self._until_s else said)
-        self.indicators.theme = theme
 
     def notice(self, text: str) -> None:
         """Show a text for a while, whatever else is told."""

@@ -313,7 +313,8 @@ class LiveWindow(StopWindow):
         self.bar.who.setText("  |  ".join(filter(None, told)))
         since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
-        self.bar.indicators.light(f.name for f in self.bands.acting(newest))
+        acting = (f.name for f in self.bands.acting(newest))
+        self.bar.indicators.light(acting, self.theme)
         old = self.feed.silent and self.played is None
         for head, signals in zip(self._heads, self._signals, strict=True):
             if head[0] in READOUTS:
