@@ -140,6 +140,10 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot):
     bar = window.bar
     assert (bar.state.text(), bar.badge.text()) == ("ACTIVE", "SIMULATED")
     assert "mode: torque  |  Link: 0 messages lost" in bar.who.text()
+    acting = bar.indicators.accessibleDescription().split(", ")
+    assert "damped" in acting
+    assert "deflection" in bar.indicators.text()
+    assert "deflection" not in acting
     now_Nm = feed.rings["sense_out"].newest()["tau_Nm"]
     assert float(bar.readouts["torque [Nm]"].accessibleName()) == pytest.approx(now_Nm, abs=0.006)
     assert any(name == "rate limited" for _, name in window.bands.names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 
 from PySide6.QtCore import QSize, Qt
@@ -22,7 +22,7 @@ from esea_host.windows.theme import BANNER_STYLE, STATE_STYLES, Theme, plain_lab
 STOP_PX = QSize(150, 92)  # the same in every window
 # 46 px are 16 minutes of arc at 2 m on a screen of 92 dpi, the least of ISO 9241-303.
 LEAST_PX, MOST_PX, WIDTHS = 24, 46, 28
-STEP_PX, WORDS_PX, INDICATORS_PX, WIDE_PX = QSize(98, 42), 34, 34, 1000
+STEP_PX, WORDS_PX, INDICATORS_PX = QSize(98, 42), 34, 34
 NOTICE_S = 5.0
 STOP_STYLE = (
     "QPushButton {background: #b3261e; color: white; font-size: 22px; font-weight: bold;"
@@ -61,12 +61,12 @@ class StepButton(QPushButton):
 
 
 class IndicatorRow(QLabel):
-    """Each limit at its place, lit while it acts; in a narrow window those only that act."""
+    """Each limit at its place, lit while it acts; where not all have room, those only that act."""
 
     def __init__(self) -> None:
         super().__init__()
         self.meanings: dict[str, str] = {}
-        self.lit: frozenset[str] = frozenset()
+        self._drawn: tuple[object, ...] = ()
         self.setTextFormat(Qt.TextFormat.RichText)
         self.setFixedHeight(INDICATORS_PX)
         self.hide()
@@ -75,19 +75,23 @@ class IndicatorRow(QLabel):
         self.meanings = dict(meanings)
         self.setVisible(bool(meanings))
 
-    def light(self, names: Iterable[str], theme: Theme) -> None:
-        self.lit, chips = frozenset(names), []
-        ground, ink = STATE_STYLES["caution"]
-        for name, meaning in self.meanings.items():
-            text = escape(name).replace(" ", "&nbsp;")
-            if name in self.lit:
-                style = f"background:{ground}; color:{ink}"
-                chips.append(f'<b style="{style}">&nbsp;{text}&nbsp;</b>')
-            elif self.width() > WIDE_PX:
-                chips.append(f'<span style="color:{theme.soft}">&nbsp;{text}&nbsp;</span>')
-        if (told := " ".join(chips)) != self.text():
-            self.setText(told)
-            self.setToolTip("".join(plain_tip(f"{n}: {self.meanings[n]}") for n in self.lit))
+    def light(self, acting: Mapping[str, str], theme: Theme) -> None:
+        """acting: names and meanings, also of such that are shown only while they act."""
+        if (drawn := (acting, theme, self.width())) == self._drawn:
+            return
+        self._drawn, (ground, ink) = drawn, STATE_STYLES["caution"]
+        lit, soft = f"background:{ground}; color:{ink}; font-weight:bold", f"color:{theme.soft}"
+        chips = {
+            name: f'<span style="{lit if name in acting else soft}">&nbsp;'
+            + escape(name).replace(" ", "&nbsp;")
+            + "&nbsp;</span>"
+            for name in self.meanings | acting
+        }
+        self.setText(" ".join(chips.values()))
+        if self.heightForWidth(self.width()) > INDICATORS_PX:
+            self.setText(" ".join(chips[name] for name in acting))
+        self.setToolTip("".join(plain_tip(f"{n}: {m}") for n, m in acting.items()))
+        self.setAccessibleDescription(", ".join(acting))
 
 
 class BoardBar(QWidget):

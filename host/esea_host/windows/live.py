@@ -29,7 +29,7 @@ from esea_host.windows.frame import (
     qt_application,
     run_until_closed,
 )
-from esea_host.windows.meanings import link_text
+from esea_host.windows.meanings import GENERAL, link_text
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import (
@@ -73,7 +73,6 @@ class LiveWindow(StopWindow):
         kind = "SIMULATED" if feed.device.simulated else ""
         self.setWindowTitle(f"{kind} {self._who} - esea-host".strip())
         self.bar.mark(kind, self._who)
-        self.bar.indicators.offer({f.name: f.meaning for _, f in self.columns.flags(self.axis)})
         if self.played is None:
             feed.do("", feed.read_parameters)
         self._build()
@@ -127,6 +126,7 @@ class LiveWindow(StopWindow):
         self.bands = LimitBands(
             self.area, len(self.panels) + 1, self.columns.flags(self.axis), title
         )
+        self._offer()
         for panel in (*self.panels, self.chosen):
             panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
@@ -151,10 +151,15 @@ class LiveWindow(StopWindow):
         self.axis = self.columns.axes[place]
         self._signals = [signals for _, signals in self.columns.panels(self.axis)]
         self.bands.flags = self.columns.flags(self.axis)
-        self.bar.indicators.offer({f.name: f.meaning for _, f in self.bands.flags})
+        self._offer()
         if self.loop is not None:
             self.loop.x, self.loop.y = self.columns.signals(LOOP, self.axis)
         self.set_theme(self.theme)
+
+    def _offer(self) -> None:
+        # Bad inputs and repairs, which every block reports, are shown only while they act.
+        own = (f for _, f in self.bands.flags if f.bit > GENERAL)
+        self.bar.indicators.offer({f.name: f.meaning for f in own})
 
     def _next_axis(self) -> None:
         self.axis_box.setCurrentIndex((self.axis_box.currentIndex() + 1) % self.axis_box.count())
@@ -313,7 +318,7 @@ class LiveWindow(StopWindow):
         self.bar.who.setText("  |  ".join(filter(None, told)))
         since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
-        acting = (f.name for f in self.bands.acting(newest))
+        acting = {f.name: f.meaning for f in self.bands.acting(newest)}
         self.bar.indicators.light(acting, self.theme)
         old = self.feed.silent and self.played is None
         for head, signals in zip(self._heads, self._signals, strict=True):

@@ -73,8 +73,7 @@ def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
                     word = output.name.removesuffix(of_axis("_status", axis)).replace("_", " ")
                     name = f"{word} {name}"
                 found[name] = LimitFlag(output.name, 1 << i, name, flag.meaning)
-    # What every block has (bad inputs, repairs) comes after the limits of the machine.
-    return sorted(found.values(), key=lambda f: f.bit <= GENERAL)
+    return list(found.values())
 
 
 @dataclass(frozen=True)
