@@ -210,15 +210,15 @@ def test_zero_during_motion_is_refused_with_the_reason_and_a_failed_one_is_told(
 @pytest.mark.parametrize(
     ("state", "given", "allowed"),
     [
-        ("UNREFERENCED", {}, {"Zero"}),
-        ("UNREFERENCED", {"moves": True}, set()),
-        ("READY", {}, {"Zero", "Arm"}),
+        ("UNREFERENCED", {}, {"Zero", "Disarm"}),
+        ("UNREFERENCED", {"moves": True}, {"Disarm"}),
+        ("READY", {}, {"Zero", "Arm", "Disarm"}),
         ("ACTIVE", {}, {"Disarm"}),
-        ("STOPPED", {}, {"Release"}),
-        ("STOPPING", {}, set()),
-        ("FAULT", {"fault": 8}, {"Acknowledge fault"}),
-        ("FAULT", {"fault": 104}, set()),
-        ("UNKNOWN", {}, set()),
+        ("STOPPED", {}, {"Release", "Disarm"}),
+        ("STOPPING", {}, {"Disarm"}),
+        ("FAULT", {"fault": 8}, {"Acknowledge fault", "Disarm"}),
+        ("FAULT", {"fault": 104}, {"Disarm"}),
+        ("UNKNOWN", {}, {"Disarm"}),
     ],
 )
 def test_what_a_state_allows(state, given, allowed):

@@ -26,7 +26,6 @@ class ChannelTree(QWidget):
         self.tree.setMinimumHeight(40)
         self.setFocusProxy(self.tree)
         self.items: dict[tuple[str, str], QTreeWidgetItem] = {}
-        self._words: dict[tuple[str, str], str] = {}
         self._groups = groups = dict[str, QTreeWidgetItem]()
         for (stream, name), c in columns.items():
             if c.kind != "f4" or c.size != 1:
@@ -38,7 +37,6 @@ class ChannelTree(QWidget):
             item.setToolTip(0, plain_tip(f"{c.meaning} [{c.unit}]"))
             item.setCheckState(0, Qt.CheckState.Unchecked)
             self.items[stream, name] = item
-            self._words[stream, name] = f"{stream}.{name} {c.unit} {c.meaning}".lower()
         self.tree.resizeColumnToContents(0)
         self.tree.itemChanged.connect(lambda *_: changed())
         self.tree.itemActivated.connect(_toggle)
@@ -47,14 +45,14 @@ class ChannelTree(QWidget):
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.
         wanted = text.lower().split()
-        found = {k: all(w in self._words[k] for w in wanted) for k in self.items}
-        for key, item in self.items.items():
-            item.setHidden(not found[key])
+        found: set[str] = set()
+        for (stream, name), item in self.items.items():
+            told = f"{stream}.{name} {item.toolTip(0)}".lower()
+            item.setHidden(not all(word in told for word in wanted))
+            found |= set() if item.isHidden() else {stream}
         for stream, group in self._groups.items():
-            fits = any(found[k] for k in found if k[0] == stream)
-            group.setHidden(not fits)
-            if wanted and fits:
-                group.setExpanded(True)
+            group.setHidden(stream not in found)
+            group.setExpanded(group.isExpanded() or bool(wanted))
 
     def chosen(self) -> list[tuple[str, str]]:
         return [k for k, i in self.items.items() if i.checkState(0) == Qt.CheckState.Checked]

@@ -188,16 +188,13 @@ class CommissioningWindow(StopWindow):
             self.stop_asked_s = time.monotonic()
 
     def _command(self, name: str, job: Callable[[], None]) -> None:
-        # Beside the window: the board may take its time to answer.
-        def ask() -> None:
-            try:
-                job()
-                self.bench.pass_time(5 * TURN_S)
-                self._answer = name
-            except Exception as error:
-                self._answer = f"{name}: {error}"
-
-        threading.Thread(target=ask, name="esea-commission-ask", daemon=True).start()
+        # No step runs, and the motor is off: nothing has to be stopped meanwhile.
+        try:
+            job()
+            self.bench.pass_time(5 * TURN_S)
+            self._answer = name
+        except Exception as error:
+            self._answer = f"{name}: {error}"
 
     # -- shown -----------------------------------------------------------------------------------
 

@@ -257,9 +257,14 @@ class StopWindow(QMainWindow):
         told = rest or " ".join(filter(None, words))
         self.bar.tell("\n".join(alarms) or told, self.theme, alarm=bool(alarms), said=news.said)
         fault = 0 if news.fault is None else news.fault.number
-        asleep = feed.silent and not isinstance(feed.device, PlayedBoard)
         reasons = refusals(news.state, feed.moves, fault)
-        self.bar.refuse(dict.fromkeys(reasons, "no link") if asleep else reasons)
+        if self._lost(feed):
+            reasons = dict.fromkeys(reasons, "no link") | {DISARM: ""}
+        self.bar.refuse(reasons)
+
+    @staticmethod
+    def _lost(feed: LiveFeed) -> bool:
+        return feed.silent and not isinstance(feed.device, PlayedBoard)
 
     def stop(self) -> None:
         raise NotImplementedError
@@ -277,7 +282,7 @@ class StopWindow(QMainWindow):
         if self.stop_unconfirmed(news.state):
             lines.append(NOT_CONFIRMED)
         lines += [news.error] if news.error else []
-        if feed.silent and not isinstance(feed.device, PlayedBoard):
+        if self._lost(feed):
             lines.append("Nothing comes from the board: what is shown is old.")
         if news.fault is not None:
             f = news.fault

@@ -131,7 +131,7 @@ class LiveWindow(StopWindow):
             panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
             # Who zooms wants to look: the picture stands still.
-            plot.vb.sigRangeChangedManually.connect(self._look_closer)
+            plot.vb.sigRangeChangedManually.connect(partial(self.pause, True))
         plots = [*self.panels, self.chosen]
         self.cursors = Cursors(plots, self.readout, lambda: self.bands.item.viewRange()[0])
         self._loop_area = pg.GraphicsLayoutWidget()
@@ -225,16 +225,8 @@ class LiveWindow(StopWindow):
         hold = not self.paused if on is None else on
         if hold != self.paused:
             self._frozen = {n: r.last() for n, r in self.feed.rings.items()} if hold else {}
-            for plot in (*self.panels, self.chosen) if not hold else ():
-                plot.magnify(None)
             if self.played is not None:
                 self.played.held = hold
-
-    def _look_closer(self, *_: object) -> None:
-        # Who zooms by hand wants noise, too.
-        for plot in (*self.panels, self.chosen):
-            plot.magnify(0.0)
-        self.pause(True)
 
     def zoom(self, step: int) -> None:
         place = min(range(len(WINDOWS_S)), key=lambda i: abs(WINDOWS_S[i] - self.window_s))

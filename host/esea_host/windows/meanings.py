@@ -122,7 +122,7 @@ def refusals(state: str, moves: bool = False, fault: int = 0) -> dict[str, str]:
     return {
         ZERO: zero or still,
         ARM: "is armed" if on else first,
-        DISARM: "" if on else "is off",
+        DISARM: "",  # what is known of the state may be old
         RELEASE: "" if state == "STOPPED" else "not stopped",
         CLEAR: "no fault" if state != "FAULT" else "restart it" if fault >= BOARD_FAULTS else "",
     }

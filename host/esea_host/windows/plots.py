@@ -25,8 +25,7 @@ MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
 MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 78
 LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
-FADES, MEAN_S = 8, 0.1  # steps in which the past fades; of the line, beside the encoders' steps
-LOOP_SPAN = 4.0  # times as much: a loop of the encoders' last steps is none
+FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
 DEG = 180 / math.pi
 Shown = Mapping[str, Stretch]
 # Of a plot its title, unit and limits, then of each signal its column, unit and label.
@@ -187,7 +186,7 @@ class TimePlot(SignalPlot):
             line.setVisible(False)
             # Where the curve comes near, and not to make it small.
             self.item.addItem(line, ignoreBounds=True)
-        self.magnify(None)
+        self.item.vb.setLimits(minYRange=LEAST_SPAN.get(unit))
         self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
         for line in self.cursors:
             line.setVisible(False)
@@ -195,16 +194,10 @@ class TimePlot(SignalPlot):
 
     def show(self, signals: list[ShownSignal], theme: Theme, colours: list[str]) -> None:
         super().show(signals, theme, colours)
-        self.magnify(None)
         for line in self.cursors:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
         for line in self.limit_lines:
             line.setPen(pg.mkPen(theme.alarm, width=2, style=Qt.PenStyle.DashDotLine))
-
-    def magnify(self, span: float | None) -> None:
-        """The least range of the axis; None: that of its unit."""
-        least = LEAST_SPAN.get(self.left, 0.0) if span is None else span
-        self.item.vb.setLimits(minYRange=least or None)
 
     def place_limits(self, ends: tuple[float, float]) -> None:
         for line, at in zip(self.limit_lines, ends, strict=True):
@@ -328,13 +321,12 @@ class LoopPlot(PlotPanel):
     """Torque over deflection: the hysteresis of the elastomer, a line that fades with its age."""
 
     def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
-        title = f"Torque over deflection (means of {MEAN_S:g} s)"
+        title = f"Torque over deflection (means of {MEAN_ROWS} samples)"
         super().__init__(area.addPlot(row=0, col=0), title)
         self.x, self.y = x, y
-        self._past = [self.item.plot(antialias=True, connect="finite") for _ in range(FADES)]
+        self._past = [self.item.plot(antialias=True) for _ in range(FADES)]
         self._now = self.item.plot(symbol="o")
-        least = (LOOP_SPAN * LEAST_SPAN[unit] for unit in ("deg", "Nm"))
-        self.item.vb.setLimits(**dict(zip(("minXRange", "minYRange"), least, strict=True)))
+        self.item.vb.setLimits(minXRange=LEAST_SPAN["deg"], minYRange=LEAST_SPAN["Nm"])
 
     def show(self, theme: Theme) -> None:
         for age, part in enumerate(reversed(self._past)):
@@ -349,19 +341,12 @@ class LoopPlot(PlotPanel):
     def draw(self, shown: Shown) -> None:
         """Moving means: single rows are a sawtooth of the encoders' steps."""
         stretch = shown[self.x.stream]
-        rows = len(stretch.rows)
-        many = rows and max(
-            1, round(MEAN_S * (rows - 1) / (stretch.time_s[-1] - stretch.time_s[0] + 1e-9))
-        )
-        if not 0 < many <= rows:
+        if len(stretch.rows) < MEAN_ROWS:
             return
-        step = max(1, -(-rows // MOST_POINTS))
-        x, y = (
-            np.convolve(s.values(shown), np.full(many, 1 / many), "valid")[
-                -stretch.first % step :: step
-            ]
-            for s in (self.x, self.y)
-        )
+        step = -(-len(stretch.rows) // MOST_POINTS)
+        same = slice(-stretch.first % step, None, step)  # rows of the picture before
+        box = np.full(MEAN_ROWS, 1 / MEAN_ROWS)
+        x, y = (np.convolve(s.values(shown), box, "valid")[same] for s in (self.x, self.y))
         ends = np.linspace(0, len(x), FADES + 1).astype(int)
         for part, a, b in zip(self._past, ends, ends[1:], strict=False):
             part.setData(x[a : b + 1], y[a : b + 1])
