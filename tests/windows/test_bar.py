@@ -196,7 +196,6 @@ def test_zero_during_motion_is_refused_with_the_reason_and_a_failed_one_is_told(
     zero.trigger()
     live.draw()
     assert live.bar.said.text() == "Zero refused: the joint moves."
-    feed.device.advance = None  # nothing more comes
     feed.device.state = lambda: "UNREFERENCED"
     feed.device.zero = lambda: None
     feed.zero()

@@ -85,7 +85,7 @@ class IndicatorRow(QLabel):
             name: f'<span style="{lit if name in acting else soft}">&nbsp;'
             + escape(name).replace(" ", "&nbsp;")
             + "&nbsp;</span>"
-            for name in self.meanings | acting
+            for name in self.meanings | dict(acting)
         }
         self.setText(" ".join(chips.values()))
         if self.heightForWidth(self.width()) > INDICATORS_PX:
