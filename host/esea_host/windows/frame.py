@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, QTimer
 from PySide6.QtGui import (
     QAction,
     QCloseEvent,
@@ -77,8 +77,10 @@ def save_picture(window: QWidget, path: Path) -> None:
 
 def fit_to_screen(window: QWidget, width: int, height: int) -> None:
     """As large as asked for, where the screen is: no part of a window is beside it."""
-    room = window.screen().availableGeometry()
-    window.resize(min(width, room.width() - FRAME_PX[0]), min(height, room.height() - FRAME_PX[1]))
+    room = window.screen().availableGeometry().adjusted(0, 0, -FRAME_PX[0], -FRAME_PX[1])
+    if QGuiApplication.platformName() == "offscreen":  # its screen is nobody's
+        room.setSize(QSize(width, height))
+    window.resize(QSize(width, height).boundedTo(room.size()))
     window.move(room.topLeft())
 
 
