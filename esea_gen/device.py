@@ -78,6 +78,10 @@ class Device(DeviceData):
         self.given = origin, controller  # as it was asked for: name or path, controller
         self.law_files: Mapping[str, bytes] = {}  # laws that came along, by their names in the file
 
+    def __repr__(self) -> str:
+        kind = "drive" if has_drive(self) else "sensor"
+        return f"<Device {self.name} ({kind}), {self.title}, from {self.origin}>"
+
     @cached_property
     @_made_once
     def sensor(self) -> Block:

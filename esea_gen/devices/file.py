@@ -282,6 +282,8 @@ def _fix(problem: Problem) -> str | UserError:
     row = "correction_rad" in problem.loc or "times_s" in problem.loc
     if problem.kind == "extra_forbidden":
         same = [k for k in problem.known if _stem(k) == _stem(name)]
+        if len(problem.loc) == 1 and (meant := nearest(name, ("extends", "scaled", "controller"))):
+            return UserError(f"unknown key {key} = {problem.given!r}.", meant.strip())
         if not same:
             return ""
         return UserError(

@@ -135,11 +135,19 @@ class Executor(ABC):
                 out[p.name] = float(y[0]) if p.size == 1 else y.copy()
         return out
 
-    def run(self, inputs: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Run over a stream, going on from the present state."""
-        columns = {n: np.asarray(inputs[n], dtype=float) for n in self._u}
-        steps = len(next(iter(columns.values())))
-        rows = np.column_stack([c.reshape(steps, -1) for c in columns.values()])
+    def __repr__(self) -> str:
+        ends = (", ".join(ports) for ports in (self._u, self._y))
+        rate = f"{1 / self.block.period_s:g} Hz"
+        return f"<{type(self).__name__} of {self.block.name}, {rate}: {' -> '.join(ends)}>"
+
+    def run(self, inputs: Any) -> tuple[Any, Any]:
+        """Run over a stream, going on from the present state; outputs and states, step by step.
+
+        They come as the inputs do: arrays by port; a pandas DataFrame with a column a port, of a
+        vector one an element, ``x[0]``; or one array with these columns in the ports' order.
+        """
+        rows = self._rows(inputs)
+        steps = len(rows)
         outputs = np.empty((steps, len(self._outputs)))
         states = np.empty((steps, len(self._state)))
         for k in range(steps):
@@ -147,7 +155,35 @@ class Executor(ABC):
             self._advance()
             outputs[k] = self._outputs
             states[k] = self._state
-        return _columns(outputs, self._y), _columns(states, self._s)
+        found = (outputs, self._y), (states, self._s)
+        if isinstance(inputs, Mapping):
+            return _columns(*found[0]), _columns(*found[1])
+        if hasattr(inputs, "columns"):
+            frame, index = type(inputs), inputs.index
+            made = [frame(a, index=index, columns=_elements(ports)) for a, ports in found]
+            return made[0], made[1]
+        return outputs, states
+
+    def _rows(self, inputs: Any) -> Array:
+        # The inputs as a row a step.
+        table = not isinstance(inputs, Mapping) and hasattr(inputs, "columns")
+        if not isinstance(inputs, Mapping) and not table:
+            rows = np.asarray(inputs, dtype=float)
+            rows = rows[:, None] if rows.ndim == 1 else rows
+            if rows.ndim != 2 or rows.shape[1] != len(self._inputs):
+                raise ValueError(
+                    f"{self.block.name}.run: an array of shape {rows.shape}, and its inputs are "
+                    f"{len(self._inputs)} columns: {', '.join(_elements(self._u))}"
+                )
+            return rows
+        names = _elements(self._u) if table else list(self._u)
+        if missing := [n for n in names if n not in inputs]:
+            raise ValueError(f"{self.block.name}.run: no {missing[0]}; it takes {names}")
+        columns = {n: np.asarray(inputs[n], dtype=float) for n in names}
+        if len({len(c) for c in columns.values()}) > 1:
+            lengths = {n: len(c) for n, c in columns.items()}
+            raise ValueError(f"{self.block.name}.run: inputs of different lengths: {lengths}")
+        return np.column_stack([c.reshape(len(c), -1) for c in columns.values()])
 
 
 def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:
@@ -155,6 +191,10 @@ def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:
     ends = np.cumsum([p.size for p in ports], dtype=int).tolist()
     whole = np.zeros(ends[-1] if ends else 0)
     return whole, {p.name: whole[e - p.size : e] for p, e in zip(ports, ends, strict=True)}
+
+
+def _elements(ports: Mapping[str, Array]) -> list[str]:
+    return [n if len(a) == 1 else f"{n}[{i}]" for n, a in ports.items() for i in range(len(a))]
 
 
 def _columns(table: Array, ports: Mapping[str, Array]) -> dict[str, Array]:

@@ -22,6 +22,7 @@ from esea_gen.analysis import plots
 from esea_gen.analysis.campaign import run_cases
 from esea_gen.analysis.journal import Configuration, file_digest, files_digest, rooms_digest
 from esea_gen.analysis.monte_carlo import MonteCarlo
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
@@ -32,7 +33,17 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
-from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES, desired_torque, fault_figures, judge
+from esea_gen.twin.judge import (
+    ENCODER_FAULT,
+    ENDED,
+    FIGURES,
+    ROUGH_HEADS,
+    ROUGHNESS,
+    desired_torque,
+    fault_figures,
+    judge,
+    rough_cells,
+)
 from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.off import NOTHING, deviation, off_families, refuse_unknown
 from esea_gen.twin.run import (
@@ -77,11 +88,11 @@ class ClosedLoopStudy(Study):
         """A line a case, of the medians over the seeds."""
         s, runs = done.setting, len(done.seeds)
         off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
-        heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
+        heads = ["RMS true", "RMS model", "max true", "thesis", "limited", *ROUGH_HEADS]
         lines = [
             f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
             f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
-            f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * self.normalised),
+            f"{'case':32}" + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
         ]
         for name, entries in done.by_case().items():
             lines += _case_lines(name, entries, self.normalised)
@@ -153,19 +164,25 @@ def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> l
         found = [e[key] for e in entries if e.get(key) is not None]
         return float(np.median(found)) if found else math.nan
 
-    row = "".join(f"{median(k):>11.4f}" for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
+    row = "".join(f"{median(k):>12.4f}" for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
     thesis = entries[0]["thesis_rms_Nm"]
-    row += f"{thesis:>11.3f}" if thesis else f"{'-':>11}"
-    row += f"{100 * median('limited_share'):>10.1f}%"
+    row += f"{thesis:>12.3f}" if thesis else f"{'-':>12}"
+    row += f"{100 * median('limited_share'):>11.1f}%"
+    row += "".join(f"{c:>12}" for c in rough_cells({k: median(k) for k in ROUGHNESS}))
     if normalised:
         share = median("rms_normalised")
-        row += f"{'-':>11}" if math.isnan(share) else f"{100 * share:>10.1f}%"
+        row += f"{'-':>12}" if math.isnan(share) else f"{100 * share:>11.1f}%"
     words = {k: text.upper() if k == SHOUTED else text for k, text in ENDED.items()}
     words |= {"ran_away": "left the plant's ranges", "failure": "failed"}
     counts = [(sum(bool(e.get(k)) for e in entries), text) for k, text in words.items()]
     said = ", ".join(f"{n} {text}" for n, text in counts if n)
     reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
-    return [f"{name:32}{row}  {said}".rstrip(), *(f"  failed: {reason}" for reason in reasons)]
+    latched = sorted({int(e["fault_reason"]) for e in entries if e.get("fault_reason")})
+    return [
+        f"{name:32}{row}  {said}".rstrip(),
+        *(f"  latched: {Fault(n).name}, {FAULT_TEXT[Fault(n)]}" for n in latched),
+        *(f"  failed: {reason}" for reason in reasons),
+    ]
 
 
 def panel(case: Case, run: ClosedLoopRun, *, whole: bool = False) -> Panel:
@@ -241,6 +258,11 @@ class Simulation:
     def ended(self) -> list[dict[str, Any]]:
         """Runs that were unstable, tripped, latched or failed: their errors judge no controller."""
         return [e for e in self.cases() if any(e.get(k) for k in (*ENDED, "failure"))]
+
+    @property
+    def sound(self) -> bool:
+        """Whether every run came to its end; where an encoder is broken on purpose, none need."""
+        return bool(self.setting.fault) or not self.ended()
 
     def to_dict(self) -> dict[str, Any]:
         content = self.study.to_dict(self)

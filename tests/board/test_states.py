@@ -293,9 +293,11 @@ def test_a_stop_is_taken_in_every_state_from_anybody(armed, state):
     stranger = armed.dialect.MAVLink(None, 42, 1)
     message = armed.message("COMMAND_LONG", 7, 9, armed.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
     armed.send_bytes(message.pack(stranger))
-    assert armed.state_now == {"FAULT": "FAULT", "ACTIVE": "STOPPING", "LETTING_GO": "STOPPING"}.get(
-        state, "STOPPED"
-    )
+    assert armed.state_now == {
+        "FAULT": "FAULT",
+        "ACTIVE": "STOPPING",
+        "LETTING_GO": "STOPPING",
+    }.get(state, "STOPPED")
     armed.ticks(1 if armed.state_now != "STOPPING" else TIMES_MS["STOP_OFF"][0])
     assert armed.state_now == ("FAULT" if state == "FAULT" else "STOPPED")
     assert armed.motor == (False, 0.0)

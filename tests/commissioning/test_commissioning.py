@@ -60,7 +60,7 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
     monkeypatch.setattr("esea_host.commissioning.steps.FRICTION_RAD_S", (0.6, 1.4))
     bench = bench_of(zeroed=False)
     record = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
-    for step in STEPS:
+    for step in STEPS[:-1]:  # the last one takes longer: test_swinging.py
         result = run_step(bench, step, OPTIONS)
         assert result.passed, result.lines()
         record.add(result, bench.device.identity)
@@ -77,13 +77,13 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
             assert means["plus_1"] == pytest.approx(1.0 * 9.81 * 0.2, abs=0.05)
     assert bench.device.state() == "READY"
     again = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
-    assert [e["step"] for e in again.entries] == [s.name for s in STEPS]
+    assert [e["step"] for e in again.entries] == [s.name for s in STEPS[:-1]]
     entry = again.last("sign", bench.board.digest)
     assert entry["simulated"]
     assert entry["content_hash"] == bench.device.identity.content_hash
     assert (again.folder / entry["picture"]).read_bytes().startswith(b"\x89PNG")
     assert again.last("sign", "another device file") is None
-    titles = tuple((s.name, s.title) for s in STEPS)
+    titles = tuple((s.name, s.title) for s in STEPS[:-1])
     told = again.summary(titles, bench.board.digest)
     assert all("passed (simulated)" in x for x in told[:-1])
     assert "(simulated)" in told[-1]
@@ -206,6 +206,9 @@ def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
         (["--step", "nothing"], "There is no step 'nothing'"),
         (["--step", "torque"], "needs a known mass"),
         (["--mass", "1"], "belong together"),
+        (["--second-mass", "1"], "belong together"),
+        (["--step", "adaptation", "--mass", "1", "--arm", "0.3"], "Give --second-mass KG"),
+        (["--hangs", "nan"], "--hangs = nan deg"),
     ],
 )
 def test_wrong_words_end_before_anything_is_connected(words, said, capsys, monkeypatch):

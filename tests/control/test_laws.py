@@ -303,9 +303,9 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
         ("sliding_mod", r"Unknown law 'sliding_mod'.*Did you mean sliding_mode\?"),
         ("nowhere.py:LAW", r"there is no file nowhere\.py"),
         (EXAMPLE.replace(":LAW", ":LAV"), r"no law 'LAV' in it.*Did you mean LAW\?"),
-        ("broken.py:LAW", r"broken\.py: cannot be imported \(ZeroDivisionError"),
-        ("leaves.py:LAW", r"leaves\.py: cannot be imported \(SystemExit"),
-        ("fails.py:LAW", r"fails\.py: law x fails \(ZeroDivisionError: division by zero\)"),
+        ("broken.py:LAW", r"broken\.py, line 1: cannot be imported \(ZeroDivisionError"),
+        ("leaves.py:LAW", r"leaves\.py, line 1: cannot be imported \(SystemExit"),
+        ("fails.py:LAW", r"fails\.py, line 2: law x: division by zero \(ZeroDivisionError\)"),
         ("smc,smc", r"names one twice"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import math
 from dataclasses import replace
@@ -18,6 +19,7 @@ import esea_gen.verify.step_count
 from esea_gen.cli.app import app
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
+from esea_gen.identify.choosing import identify_chosen
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family.choice import CompareRow, choose
 from esea_gen.identify.family.compare import PEERS, fit_peer
@@ -119,6 +121,16 @@ def test_a_test_of_relaxation_is_read(tmp_path):
     (tmp_path / "map.toml").write_text(wrong)
     with pytest.raises(UserError, match="negative stiffness"):
         load_recordings(load_mapping(tmp_path / "map.toml"))
+
+
+def test_full_scale_is_of_files_that_train(tmp_path):
+    """The largest torque is in the file that is held out; limits hold it all the same."""
+    source = load_mapping(write_rig(tmp_path, {"held": 5.0, "a": 2.0, "b": 3.0}))
+    recordings = load_recordings(source)
+    largest = {r.label: float(np.abs(r.tau_Nm).max()) for r in recordings}
+    device = draft(source, recordings, False)
+    assert device.tau_full_scale_Nm == largest["b"] < largest["held"]
+    assert device.file.limits.tau_Nm.value > largest["held"]
 
 
 # Solved weights.
@@ -342,6 +354,37 @@ def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
         assert 0 < r["held_out"] < 20
     assert found["chosen"] in done.output
     assert f"{found['compare'][0]['held_out']:.2f}" in done.output
+
+
+@pytest.mark.ci
+def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
+    """Named, or asked for with what only the published form has."""
+    require_tool("gcc")
+    few = tuple(m for m in members() if m.name in ("stops", "slips"))
+    monkeypatch.setattr(comparing, "members", lambda: few)
+    path = write_rig(tmp_path, {"small": 2.0, "middle": 3.5, "large": 5.0})
+    found = {}
+    for name, given in (("chosen", []), ("published", ["--model", "published"])):
+        out = tmp_path / name
+        done = CliRunner().invoke(app, ["identify", str(path), "--out", str(out), *given])
+        assert done.exit_code == 0, done.output
+        found[name] = json.loads((out / "rig.json").read_text())
+    choice = found["chosen"]["choice"]
+    assert choice["chosen"] in ("stops", "slips", "published")
+    assert found["chosen"]["notes"][:2] == choice["reasons"][:2]
+    page = html.unescape((tmp_path / "chosen" / "rig.html").read_text())
+    assert choice["reasons"][0] in page
+    assert {r["model"] for r in choice["compare"]} == {"published", "stops", "slips"}
+    assert "choice" not in found["published"]
+    (zoned := tmp_path / "zoned.toml").write_text(
+        path.read_text().replace(
+            "[deflection]\n",
+            '[deflection]\ndead_zone_rad = { value = 1e-4, status = "assumed", source = "?" }\n',
+        )
+    )
+    result, compared = identify_chosen(zoned)
+    assert compared is None
+    assert result.notes[0].startswith("Model: published.")
 
 
 @pytest.mark.ci

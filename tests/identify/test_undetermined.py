@@ -161,14 +161,18 @@ def test_softening_that_is_hardly_seen_has_a_wide_interval(grown):
 
 
 def test_a_weight_that_is_not_determined_is_assumed():
-    spring = (Term("spring", Rise("power", 1)), Term("stop", Rise("power", 1), (3.0,)))
-    fitted = FittedMember(Member("two", "two", spring), 0.1, (1.0, 2.0))
-    section = family_section(fitted, "rig.csv", sigma={0: 0.01, 1: np.inf})
-    first, second = (t.weight_Nm for t in section.terms)
-    assert (first.status, second.status) == ("identified", "assumed")
+    """Nor one whose deviation is as large as itself, or that is at its bound (no deviation)."""
+    rise = Rise("power", 1)
+    spring = (Term("spring", rise), *(Term("stop", rise, (r,)) for r in (3.0, 1.0, 0.5)))
+    fitted = FittedMember(Member("four", "four", spring), 0.1, (1.0, 2.0, 0.3, 0.04))
+    sigma = {0: 0.01, 1: np.inf, 2: 0.31, 3: None}
+    first, *others = (t.weight_Nm for t in family_section(fitted, "rig.csv", sigma=sigma).terms)
+    assert first.status == "identified"
     assert "standard deviation 0.01" in first.source
-    assert "not determined" in second.source
-    (note,) = told_apart_notes(fitted, {}, {0: 0.01, 1: np.inf})
+    assert {o.status for o in others} == {"assumed"}
+    for other, why in zip(others, ("not determined", "deviation 0.31", "lower bound"), strict=True):
+        assert why in other.source
+    (note,) = told_apart_notes(fitted, {}, sigma)
     assert "infinite" in note
     assert spring[1].text in note
     assert spring[0].text not in note

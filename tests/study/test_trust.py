@@ -141,10 +141,17 @@ def test_byte_code_beside_a_trusted_file_is_not_run(place):
     assert call("check", place / "p.toml", "--trust", hash_of(place))[0] == 0
 
 
-@pytest.mark.parametrize("controller", ["{},sliding_mode", "{}"])
-def test_a_device_file_names_no_code(place, controller):
-    file = place / "c.toml"
-    file.write_text(f'laws = ["{place}/task.py:LAW"]\n')
-    with pytest.raises(UserError, match="laws"):
-        load_device("elbow_drive", controller.format(file))
+@pytest.mark.parametrize("controller", ["{},sliding_mode", "{}", None])
+def test_a_law_that_a_device_file_names_runs_once_it_is_trusted(place, controller):
+    """As it came, or as the device's own; a name on the command line is the user's own choice."""
+    file, name = place / "c.toml", "elbow_drive" if controller else str(place / "c.toml")
+    head = "" if controller else 'schema = 1\nextends = "elbow_drive"\nname = "c"\ntitle = "c"\n'
+    file.write_text(f'{head}laws = ["task.py:LAW"]\n')
+    chosen = controller and controller.format(file)
+    with pytest.raises(UserError, match=rf"not been trusted.*esea-gen --trust {hash_of(place)}"):
+        _ = load_device(name, chosen).laws
     assert not ran(place)
+    trust([hash_of(place)])
+    with pytest.raises(UserError, match="no law 'LAW' in it"):
+        _ = load_device(name, chosen).laws
+    assert ran(place)

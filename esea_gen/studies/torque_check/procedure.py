@@ -42,9 +42,14 @@ class KnownLoad:
         require("gravity's uncertainty", self.u_g_m_s2, 0.0, 0.1, "m/s^2", known)
 
     @property
+    def weight_Nm(self) -> float:
+        """m g r: the torque with the arm horizontal."""
+        return self.mass_kg * self.g_m_s2 * self.arm_m
+
+    @property
     def torque_Nm(self) -> float:
         """m g r cos(angle)."""
-        return self.mass_kg * self.g_m_s2 * self.arm_m * math.cos(self.angle_rad)
+        return self.weight_Nm * math.cos(self.angle_rad)
 
     @property
     def budget_Nm(self) -> dict[str, float]:

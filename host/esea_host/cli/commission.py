@@ -13,7 +13,7 @@ import typer
 from esea_gen.cli.options import option
 from esea_gen.device import board_device
 from esea_gen.errors import UserError
-from esea_gen.studies.torque_check.procedure import KnownLoad
+from esea_gen.studies.torque_check.procedure import KnownLoad, require
 from esea_host.cli.app import app, out, say
 from esea_host.cli.options import AddressArgument, DeviceOption, KeyOption
 from esea_host.cli.view import need_a_screen
@@ -59,15 +59,30 @@ def commission(
     settle: Annotated[float, option("--settle", "Of each load, s.")] = StepOptions.settle_s,
     judge: Annotated[float, option("--judge", "Of each load, s.")] = StepOptions.record_s,
     repeats: Annotated[int, option("--repeats", "Loads in each direction.")] = StepOptions.repeats,
+    second_mass: Annotated[
+        float | None, option("--second-mass KG", "About half of --mass: for 'adaptation'.")
+    ] = None,
+    hangs: Annotated[
+        float | None,
+        option("--hangs DEG", "Joint angle at which the arm hangs straight down; default: middle."),
+    ] = None,
+    arm_weight: Annotated[
+        float, option("--arm-weight NM", "The arm's own weight times its distance.")
+    ] = 0,
 ) -> None:
-    """Zero, encoders, motor sign, friction, known mass: pass or fail, a picture, a record.
+    """Zero, encoders, motor sign, friction, known mass, adaptation: a verdict, picture and record.
 
     Without a motor: zero, encoders, known mass.
     """
-    if (mass is None) != (arm is None):
+    if (mass is None) != (arm is None) or (second_mass is not None and arm is None):
         raise UserError("Mass and arm belong together.", "Give --mass KG and --arm M.")
     known = None if mass is None or arm is None else KnownLoad(mass, arm, math.radians(angle))
-    options = StepOptions(known, settle, judge, repeats)
+    second = None if second_mass is None or arm is None else KnownLoad(second_mass, arm)
+    if hangs is not None:
+        require("--hangs", hangs, -180, 180, "deg", "Give the joint's angle.")
+    require("--arm-weight", arm_weight, -50, 50, "Nm", "Give its weight times its distance.")
+    hangs_rad = None if hangs is None else math.radians(hangs)
+    options = StepOptions(known, settle, judge, repeats, second, hangs_rad, arm_weight)
     _check(step or [], options)
     with _bench(address, device, key, axis) as bench:
         chosen = _chosen(step or [], bench)
@@ -93,8 +108,9 @@ def _check(names: list[str], options: StepOptions) -> None:
     wrong = [n for n in names if n not in (s.name for s in STEPS)]
     if wrong:
         raise UserError(f"There is no step '{wrong[0]}'.", f"Steps: {NAMES}.")
-    if "torque" in names and options.known is None:
-        raise UserError("The torque check needs a known mass.", "Give --mass KG and --arm M.")
+    for step in STEPS:
+        if step.name in names and (lacks := step.lacks(options)):
+            raise UserError(f"The step '{step.name}' needs a known mass.", f"Give {lacks}.")
 
 
 def _chosen(names: list[str], bench: CommissioningBench) -> tuple[CommissioningStep, ...]:
@@ -102,7 +118,7 @@ def _chosen(names: list[str], bench: CommissioningBench) -> tuple[CommissioningS
     known = [s.name for s in steps]
     if wrong := [n for n in names if n not in known]:
         raise UserError(
-            f"{bench.board.name} has no motor: there is no step '{wrong[0]}'.",
+            f"{bench.board.name} has no step '{wrong[0]}'.",
             f"Steps: {', '.join(known)}.",
         )
     return tuple(s for s in steps if not names or s.name in names)
@@ -157,8 +173,8 @@ def _in_terminal(
     say(guide(bench.board))
     passed = True
     for step in chosen:
-        if step.name == "torque" and options.known is None:
-            out.print("torque: not done, for no --mass and --arm were given")
+        if lacks := step.lacks(options):
+            out.print(f"{step.name}: not done; it needs {lacks}")
             continue
         motor = "   THE MOTOR MOVES; Ctrl+C stops it" if step.motor else ""
         out.print(f"\n{step.title}: {step.finds}{motor}")

@@ -23,7 +23,7 @@ TURN_S = 0.02  # from one command to the next
 DEADLINE_MS = 500
 HEARTBEAT_S = 1.5
 ARM_TRIES = 4
-ActKind = Literal["rest", "turn", "clamp", "load"]
+ActKind = Literal["rest", "turn", "clamp", "load", "swing"]
 
 
 class CommissioningEndedError(Exception):
@@ -34,8 +34,10 @@ class CommissioningEndedError(Exception):
 class HandAct:
     kind: ActKind
     text: str
-    torque_Nm: float = 0.0  # of the load
+    torque_Nm: float = 0.0  # of the load; of a mass that swings, its weight times its arm
     path: GearPath | None = None  # how the joint is turned, as a simulated hand does it
+    hangs_rad: float = 0.0  # where a mass that swings hangs straight down
+    inertia_kgm2: float = 0.0  # and its inertia
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,10 @@ class CommissioningBench:
         gear_rad = 2 * math.pi / a.gear_ratio.value / full
         gear = np.unwrap(c["count_gear"], period=full) * gear_rad
         return DriveRecording(c.tick_s, c["u_Nm"], gear - gear[0] + motor[0], motor, load)
+
+    def fault_name(self, fault: int) -> str:
+        named = self.device.session.dialect.enums["ESEA_FAULT"].get(fault)
+        return getattr(named, "name", str(fault)).removeprefix("ESEA_FAULT_")
 
     # -- what the board is asked -----------------------------------------------------------------
 

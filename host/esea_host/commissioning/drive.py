@@ -248,16 +248,20 @@ def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) 
 # -- motor sign -----------------------------------------------------------------------------------
 
 
+def gear_torque_Nm(device: Device, r: DriveRecording) -> Array:
+    """Torque of the motor at the joint, by (5.1), of commands held for a tick."""
+    a = device.file.actuator
+    assert a is not None
+    decay = math.exp(-r.tick_s / a.tau_c_s.value)
+    return np.asarray(a.gear_ratio.value * lfilter([0, 1 - decay], [1, -decay], r.u_Nm))
+
+
 def commanded_work(device: Device, r: DriveRecording) -> tuple[float, float]:
     """Work that the commanded torque did on the drive, and that in either direction, in J.
 
     Whatever friction, rubber and disturbance do, its sign is the motor's: right if positive.
     """
-    a = device.file.actuator
-    assert a is not None
-    decay = math.exp(-r.tick_s / a.tau_c_s.value)  # by (5.1), of commands held for a tick
-    torque = a.gear_ratio.value * lfilter([0, 1 - decay], [1, -decay], r.u_Nm)
-    steps = torque[1:] * np.diff(r.gear_rad)
+    steps = gear_torque_Nm(device, r)[1:] * np.diff(r.gear_rad)
     return float(steps.sum()), float(np.abs(steps).sum())
 
 
@@ -321,7 +325,7 @@ class TurnedFriction:
     model_Nm: Array
 
 
-def _window(width_s: float, tick_s: float) -> Array:
+def window(width_s: float, tick_s: float) -> Array:
     n = 2 * max(round(0.5 * width_s / tick_s), 1) + 1
     w = np.hanning(n + 2)[1:-1]
     return np.asarray(w / w.sum())
@@ -344,7 +348,7 @@ def _rubber(device: Device) -> HostLibrary:
 
 def rubber_torque_Nm(device: Device, deflection_rad: Array, tick_s: float) -> Array:
     """Torque of the rubber by the device's own sensor, from a quantised deflection."""
-    w = _window(RUBBER_S, tick_s)
+    w = window(RUBBER_S, tick_s)
     half = len(w) // 2
     padded = np.pad(deflection_rad, half, mode="edge")
     smooth = np.convolve(padded, w, "valid")
@@ -362,7 +366,7 @@ def turned_friction(device: Device, r: DriveRecording) -> TurnedFriction:
 
     Every term goes through one symmetric filter, so that the equation still holds afterwards.
     """
-    h, w = r.tick_s, _window(FILTER_S, r.tick_s)
+    h, w = r.tick_s, window(FILTER_S, r.tick_s)
     omega, alpha = np.gradient(r.gear_rad, h), np.zeros_like(r.gear_rad)
     alpha[1:-1] = np.diff(r.gear_rad, 2) / h**2
     wound = r.motor_rad - r.load_rad

@@ -48,6 +48,23 @@ def over(
         axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
 
 
+def against(
+    axes: Axes,
+    labels: Sequence[str],
+    x: Sequence[Array],
+    y: Sequence[Array],
+    x_label: str,
+    y_label: str,
+) -> None:
+    """Lines of values that ought to be equal."""
+    with mpl.rc_context(STYLE):
+        for label, xs, ys, colour in zip(labels, x, y, COLOURS, strict=False):
+            axes.plot(xs, ys, color=colour, lw=0.8, label=label)
+        axes.axline((0, 0), slope=1, color=INK, lw=0.8, ls=(0, (4, 3)), label="equal")
+        axes.set(xlabel=x_label, ylabel=y_label)
+        axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1, 1), borderpad=0)
+
+
 def torque_bars(axes: Axes, shares: Mapping[str, float]) -> None:
     """Values over their limits, the worst of all phases, by criterion."""
     with mpl.rc_context(STYLE):
@@ -69,6 +86,7 @@ class StepResult:
     checks: tuple[StartupCheck, ...] = ()
     problem: tuple[str, str] | None = None
     found: Mapping[str, Any] = field(default_factory=dict)  # numbers by name with unit
+    note: str = ""  # what was changed on the board
 
     @property
     def passed(self) -> bool:
@@ -77,6 +95,7 @@ class StepResult:
 
     def lines(self) -> list[str]:
         out = [f"{self.title}: {'PASSED' if self.passed else 'FAILED'}"]
+        out += [f"  {self.note}"] if self.note else []
         if self.problem is not None:
             out += [f"  {self.problem[0]}", f"    Fix: {self.problem[1]}"]
         for c in self.checks:
@@ -155,5 +174,5 @@ class CommissioningRecord:
             entry = self.last(name, digest)
             word = "not done" if entry is None else "passed" if entry["passed"] else "FAILED"
             kind = " (simulated)" if entry is not None and entry["simulated"] else ""
-            lines.append(f"  {name:10}{title:34}{word}{kind}")
+            lines.append(f"  {name:12}{title:34}{word}{kind}")
         return lines

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from esea_gen.device import Device
@@ -18,6 +20,7 @@ from esea_host.simulated.server import HANGING, LAID_ON_TICKS, LOCKED, led_path
 
 # A firm grip.
 GRIP = dataclasses.replace(EMPTY, spring_Nm_rad=60.0, damping_Nms_rad=6.0, gravity_Nm=0.0)
+SWINGING = dataclasses.replace(HANGING, own_damping_Nms_rad=0.02)
 AT_REST = dataclasses.replace(EMPTY, own_damping_Nms_rad=2.0, gravity_Nm=0.0)
 ANYWHERE_RAD = (-3.0, 3.0)  # the ends of a hand's range play no part
 RETURN_RAD = 5e-4  # a tick, to the joint's zero
@@ -57,9 +60,13 @@ class SimulatedHands:
     """Does what is asked of a person, in the virtual exoskeleton."""
 
     def __init__(
-        self, drive: SimulatedBoard, torque_error: float = 0.0, axis: str | None = None
+        self,
+        drive: SimulatedBoard,
+        torque_error: float = 0.0,
+        axis: str | None = None,
+        arm_Nm: float = 0.0,
     ) -> None:
-        self.drive, self._error = drive, torque_error
+        self.drive, self._error, self._arm_Nm = drive, torque_error, arm_Nm
         self._axis = drive.axes[0] if axis is None else axis
         self._load_Nm: float | None = None
         self._joint: HandledJoint | None = None
@@ -78,6 +85,10 @@ class SimulatedHands:
             if before is None:
                 self._pull_Nm = 0.0
                 self._set_up(HANGING, self._pulling, values=LOCKED)
+        elif act.kind == "swing":
+            self._pull_Nm = 0.0
+            hung = dataclasses.replace(SWINGING, Jh_kgm2=act.inertia_kgm2)
+            self._set_up(hung, partial(self._swinging, act))
         elif act.kind == "rest":
             self._set_up(AT_REST)
         else:
@@ -128,6 +139,12 @@ class SimulatedHands:
         aim = (self._load_Nm or 0.0) * (1 + self._error)
         self._pull_Nm += (aim - self._pull_Nm) / LAID_ON_TICKS
         return led_path(self._at_rad() + self._pull_Nm / HANGING.spring_Nm_rad)
+
+    def _swinging(self, act: HandAct) -> Mapping[str, float]:
+        weight = act.torque_Nm * (1 + self._error) + self._arm_Nm
+        self._pull_Nm += (weight - self._pull_Nm) / LAID_ON_TICKS
+        at = self._at_rad()
+        return led_path(at - self._pull_Nm * math.sin(at - act.hangs_rad) / SWINGING.spring_Nm_rad)
 
 
 def simulated_bench(

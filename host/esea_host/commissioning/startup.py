@@ -24,6 +24,9 @@ class DriveRecording:
     motor_rad: Array
     load_rad: Array
 
+    def __len__(self) -> int:
+        return len(self.load_rad)
+
 
 MARGIN_RAD, LEAST_SPAN_RAD = 0.1, 1.0
 

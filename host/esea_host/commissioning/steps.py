@@ -10,6 +10,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
+from esea_gen.model.sensing import of_axis
 from esea_gen.studies.torque_check.check import (
     RECORD_S,
     SETTLE_S,
@@ -26,8 +27,16 @@ from esea_host.commissioning.drive import (
     motor_sign,
     turned_friction,
 )
-from esea_host.commissioning.record import StepResult, new_picture, over, torque_bars
+from esea_host.commissioning.record import StepResult, against, new_picture, over, torque_bars
 from esea_host.commissioning.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
+from esea_host.commissioning.swinging import (
+    LENGTH_S,
+    SwungMass,
+    hangs_within,
+    judged_swings,
+    require_masses,
+    wanted_Nm,
+)
 
 ZERO_TRIES, LOOK_S = 5, 1.0
 REST_RAD = 0.02  # about a degree: a joint that is held still by hand
@@ -35,6 +44,7 @@ TURN_RAD_S, FRICTION_RAD_S = 0.5, (0.4, 0.8, 1.4)
 REACH_SHARE = 0.8  # of the travel that is left towards positive angles
 PUSH_NM_SHARE = 0.12  # of full scale: enough to wind the rubber up, and nobody is in the joint
 PULL_SHARE = 0.1  # of full scale
+ARM_KGM2 = 0.02  # of an arm in the virtual machine
 COUNT_TRIES = 3  # to record a phase in which no count changes half way
 TIME = "time, s"
 
@@ -45,6 +55,9 @@ class StepOptions:
     settle_s: float = SETTLE_S
     record_s: float = RECORD_S
     repeats: int = REPEATS
+    second: KnownLoad | None = None  # another mass on the same arm
+    hangs_rad: float | None = None  # where it hangs straight down; None: middle of the travel
+    arm_Nm: float = 0.0  # the arm's own weight times its distance
 
 
 @dataclass(frozen=True)
@@ -54,6 +67,11 @@ class CommissioningStep:
     finds: str  # what it is for
     run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)  # does it
     motor: bool = False  # whether the motor moves
+    needs: tuple[tuple[str, str], ...] = ()  # fields of the options, and how each is given
+
+    def lacks(self, options: StepOptions) -> str:
+        """How to give what it needs and does not have; empty if it can be done."""
+        return " ".join(how for name, how in self.needs if getattr(options, name) is None)
 
 
 # -- zero -----------------------------------------------------------------------------------------
@@ -215,7 +233,6 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
     pushes = most_Nm * np.array([0, 0, 1, 1, -1, -1, 0])
     c = bench.driven(float(knots[-1]), lambda at: float(np.interp(at, knots, pushes)))
     fault = bench.device.fault()
-    name = bench.device.session.dialect.enums["ESEA_FAULT"].get(fault)
     figure, (above, below) = new_picture("pushed against a clamp", bench.device.simulated, 2)
     r = bench.recording(c)
     moved = [("motor's encoder", 1e3 * (r.gear_rad - r.gear_rad[0]))]
@@ -228,8 +245,8 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
     found = {"command_work_J": work_J, "work_either_way_J": turned_J, "fault": fault}
     problem = motor_sign(r, c["tau_desired_Nm"], most_Nm, work_J, turned_J)
     if problem is None and fault:
-        said = getattr(name, "name", str(fault)).removeprefix("ESEA_FAULT_")
-        problem = f"The board switched itself off: {said}.", "See to the fault, and clear it."
+        said = f"The board switched itself off: {bench.fault_name(fault)}."
+        problem = said, "See to the fault, and clear it."
     checks: tuple[StartupCheck, ...] = ()
     if problem is None:
         error_Nm = float(np.sqrt(np.mean((c["tau_Nm"] - c["tau_desired_Nm"])[200:] ** 2)))
@@ -316,8 +333,98 @@ def _stands(device: Device, c: Capture, check: TorqueCheck) -> bool:
     return all(np.ptp(count) < 1.5 for count in counts)
 
 
+# -- adaptation -----------------------------------------------------------------------------------
+
+
+def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
+    masses = [known for known in (options.known, options.second) if known is not None]
+    if len(masses) < 2:
+        raise UserError("The adaptation needs two known masses.", f"Give {MASS[1]} {SECOND[1]}.")
+    device = bench.board
+    require_masses(device, *masses)
+    hangs_rad = hangs_within(device, options.hangs_rad)
+    swings: list[SwungMass] = []
+    fault = 0
+    for known in masses:
+        if not fault:
+            swings.append(_swung(bench, known, options.arm_Nm, hangs_rad))
+            fault = bench.device.fault()
+    figure, (above, below) = new_picture("masses swung by the drive", bench.device.simulated, 2)
+    if fault:
+        r = swings[-1].recording
+        over(above, r.tick_s * np.arange(len(r)), [("load side", r.load_rad)], TIME, "joint, rad")
+        below.remove()
+        problem = (
+            f"The board switched itself off: {bench.fault_name(fault)}.",
+            f"Was {masses[len(swings) - 1].mass_kg:g} kg on the arm, and did it hang straight down "
+            f"at {math.degrees(hangs_rad):.0f} deg?  Clear the fault, and do it again.",
+        )
+        return StepResult("adaptation", ADAPTATION, figure, (), problem, {"fault": fault})
+    judged = judged_swings(device, swings, hangs_rad)
+    note = "Rejected: nothing was set on the board. The most likely cause is the first fix."
+    if all(c.passed for c in judged.checks):
+        for name, value in (judged.tunables | {"share": 1.0}).items():
+            bench.device.set(of_axis(f"adaptation.{name}", bench.axis), value)
+        values = ", ".join(f"{n} {v:.3f}" for n, v in judged.tunables.items())
+        note = f"Set on the board, until it restarts or saves: {values}, share 1."
+    labels = [f"{known.mass_kg:g} kg" for known in masses]
+    against(above, labels, judged.known_Nm, judged.shown_Nm, "stated, Nm", "sensed, Nm")
+    left = [("sensed, less what the masses explain", judged.left_Nm)]
+    over(
+        below,
+        judged.time_s,
+        left,
+        "time in both swings, s",
+        "Nm; dashed: limit, effective",
+        judged.left_limit_Nm,
+    )
+    return StepResult(
+        "adaptation", ADAPTATION, figure, judged.checks, found=judged.found, note=note
+    )  # fmt: skip
+
+
+def _swung(
+    bench: CommissioningBench, known: KnownLoad, arm_Nm: float, hangs_rad: float
+) -> SwungMass:
+    bench.make_ready()
+    path = _to(bench, hangs_rad)
+    at = f"{math.degrees(hangs_rad):.0f} deg"
+    text = f"Turn the joint to {at}, nothing on it. There the arm is to hang straight down."
+    bench.ask(HandAct("turn", text, path=path))
+    if bench.hands_free:
+        bench.wait(len(path) * bench.device.identity.tick_us * 1e-6 + LOOK_S)
+    bench.ask(
+        HandAct(
+            "swing",
+            f"Hang {known.mass_kg:g} kg on the arm, {known.arm_m:g} m from the joint; let it come "
+            f"to rest, and step back. The motor will swing it for {LENGTH_S:.0f} s, by about 50 "
+            "deg either way. Nobody touches it.",
+            known.weight_Nm + arm_Nm,
+            hangs_rad=hangs_rad,
+            inertia_kgm2=known.mass_kg * known.arm_m**2 + ARM_KGM2,
+        )
+    )
+    bench.wait(LOOK_S)
+    c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm))
+    lasted_s = len(c) * bench.device.identity.tick_us * 1e-6
+    if lasted_s < LENGTH_S - 1 and not bench.device.fault():
+        said = "".join(f" ({text})" for text in list(bench.device.texts)[-1:])
+        raise UserError(
+            f"The swing ended after {lasted_s:.1f} s: the board is {bench.device.state()}{said}.",
+            "Look at the link and at who else commands the board, and do it again.",
+        )
+    return SwungMass(known.weight_Nm + arm_Nm, bench.recording(c), c["tau_Nm"])
+
+
+def _to(bench: CommissioningBench, angle_rad: float) -> GearPath:
+    way = angle_rad - float(bench.capture(LOOK_S)["theta_load_rad"][-1])
+    legs = [(math.copysign(max(abs(way), REST_RAD), way), TURN_RAD_S)]
+    return GearPath.through(legs, bench.device.identity.tick_us * 1e-6)
+
+
 ZERO, ENCODERS, SIGN = "Zero", "Encoders: direction and error", "Motor sign"
-FRICTION, TORQUE = "Friction", "Torque of a known mass"
+FRICTION, TORQUE, ADAPTATION = "Friction", "Torque of a known mass", "Adaptation to the rubber"
+MASS, SECOND = ("known", "--mass KG and --arm M"), ("second", "--second-mass KG")
 STEPS = (
     CommissioningStep("zero", ZERO, "the joint's zero, taken at rest", _zero),
     CommissioningStep(
@@ -329,7 +436,11 @@ STEPS = (
     CommissioningStep(
         "friction", FRICTION, "friction of drive and cable, as a hand feels it", _friction
     ),
-    CommissioningStep("torque", TORQUE, "that the sensor is right", _torque),
+    CommissioningStep("torque", TORQUE, "that the sensor is right", _torque, needs=(MASS,)),
+    CommissioningStep(
+        "adaptation", ADAPTATION, "what the rubber at hand gives for a desired torque", _adaptation,
+        True, (MASS, SECOND),
+    ),
 )  # fmt: skip
 
 
@@ -340,13 +451,15 @@ SENSOR_STEPS = (
         "encoders", "Encoders: direction, difference",
         "which way each encoder counts, and how far the two differ over the travel", _encoders,
     ),
-    STEPS[-1],
+    STEPS[-2],
 )  # fmt: skip
 
 
 def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
     """What there is to do with a device: without a motor, what a sensor has."""
-    return STEPS if device.laws else SENSOR_STEPS
+    if not device.laws:
+        return SENSOR_STEPS
+    return STEPS if device.file.adaptation else STEPS[:-1]
 
 
 def guide(device: Device) -> list[str]:

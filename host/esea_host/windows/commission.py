@@ -134,12 +134,12 @@ class CommissioningWindow(StopWindow):
         self._enable()
 
     def _enable(self, asking: bool = False) -> None:
-        needs_mass = self.step.name == "torque" and self.options.known is None
-        self.start_button.refuse("runs" if self.busy else "no --mass" if needs_mass else "")
+        lacks = self.step.lacks(self.options)
+        self.start_button.refuse("runs" if self.busy else "see below" if lacks else "")
         self.ready_button.refuse("" if asking else "nothing to do")
         self.list.setEnabled(not self.busy)
-        if needs_mass:
-            self.text.setText("Start again with --mass KG and --arm M to do this one.")
+        if lacks:
+            self.text.setText(f"Start again with {lacks} to do this one.")
 
     # -- a step ----------------------------------------------------------------------------------
 
