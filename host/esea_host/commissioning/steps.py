@@ -31,6 +31,7 @@ from esea_host.commissioning.record import StepResult, against, new_picture, ove
 from esea_host.commissioning.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
 from esea_host.commissioning.swinging import (
     LENGTH_S,
+    SWING_TURN_S,
     SwungMass,
     hangs_within,
     judged_swings,
@@ -405,7 +406,7 @@ def _swung(
         )
     )
     bench.wait(LOOK_S)
-    c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm))
+    c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm), SWING_TURN_S)
     lasted_s = len(c) * bench.device.identity.tick_us * 1e-6
     if lasted_s < LENGTH_S - 1 and not bench.device.fault():
         said = "".join(f" ({text})" for text in list(bench.device.texts)[-1:])
