@@ -72,7 +72,7 @@ class CommissioningStep:
 
     def lacks(self, options: StepOptions) -> str:
         """How to give what it needs and does not have; empty if it can be done."""
-        return " ".join(how for name, how in self.needs if getattr(options, name) is None)
+        return ", ".join(how for name, how in self.needs if getattr(options, name) is None)
 
 
 # -- zero -----------------------------------------------------------------------------------------
