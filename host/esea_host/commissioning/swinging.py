@@ -15,6 +15,7 @@ import numpy as np
 from scipy.signal import fftconvolve
 
 from esea_gen.device import Device
+from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import LeastSquares, fit_linear
 from esea_gen.studies.torque_check.procedure import KnownLoad
