@@ -176,7 +176,8 @@ FaultOption = Annotated[
     str,
     option(
         "--fault KIND:ENCODER@SECONDS[=AMOUNT]",
-        "Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+        "Let an encoder fail: freeze, slip, drift, gain, zero or one (a bit), noise; of load, "
+        "motor, both or gear.",
     ),
 ]
 

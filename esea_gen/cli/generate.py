@@ -131,6 +131,7 @@ def new(
     target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
 ) -> None:
     """Write a device file to edit: a commented copy, or with --short a dozen numbers of a drive."""
+    from esea_gen.device import copy_device
     from esea_gen.devices.fields import SCHEMA_FILE
     from esea_gen.devices.file import check_new_name
 
@@ -141,7 +142,10 @@ def new(
         raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
     if give and not short:
         raise UserError("--give answers the questions of --short.", "Add --short.")
-    text = _short(name, base or "elbow_drive", give or []) if short else _copy(name, base)
+    if short:
+        text = _short(name, base or "elbow_drive", give or [])
+    else:
+        text = copy_device(esea_gen.load_device(base or "elbow"), name).toml()
     fresh = not beside.exists()
     if fresh:
         write_whole(beside, _schema_text())
@@ -150,14 +154,6 @@ def new(
     out.print(f"device file: {path}")
     out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
     out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
-    if short:
-        out.print(f"Try it, simulated: esea-gen simulate tuning --controller {path}")
-
-
-def _copy(name: str, base: str | None) -> str:
-    from esea_gen.device import copy_device
-
-    return copy_device(esea_gen.load_device(base or "elbow"), name).toml()
 
 
 def terminal() -> bool:
@@ -181,12 +177,12 @@ def _short(name: str, base: str, words: list[str]) -> str:
     out.print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
     for k, q in enumerate(QUESTIONS, 1):
         while q.name not in given:
-            out.print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")
+            print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")
             try:
                 typed = input(f"   {q.name} [{q.typical:g}]: ").strip()
                 given[q.name] = read_answer(q, typed or str(q.typical))
             except UserError as error:
-                out.print(f"   {error}")
+                print(f"   {error}")
             except EOFError:
                 raise UserError("No more answers came; nothing was written.", "") from None
     text = short_text(name, base, given)

@@ -6,7 +6,7 @@ import ast
 import math
 import re
 import traceback
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -81,36 +81,33 @@ def _law(path: Path, content: bytes, name: str, digest: str) -> Law:
 def wrong_wire(laws: Iterable[Law], error: ValueError) -> UserError | None:
     """What is wrong in a law whose Blocks cannot be wired; None where no own law is concerned."""
     for law in laws:
-        if law.path is not None and (line := _quoted(law.path, str(error))):
+        if law.path is not None and (line := _line(law.path, str(error))):
             return explained(law.path, error, f"law {law.name}", line)
     return None
 
 
 def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserError:
     """An error of somebody's file: its line, and a remedy where one is known."""
-    inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
     text = re.sub(r"^\S*\.cpp:\d+: ", "", str(error))
+    inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+    code = (inside[-1].line or "") if inside else ""
     if not line and inside:
         line = inside[-1].lineno or 0
-        words = set(re.findall(r"\w+", text))
-        if not words & set(re.findall(r"\w+", inside[-1].line or "")):
-            line = _quoted(path, text) or line  # of a call over many lines the argument's own
+        told = set(_WORD.findall(text)) & set(_WORD.findall(code))
+        if isinstance(error, ValueError) and not told:
+            line = _line(path, text) or line  # of a call over many lines the argument's own
     fix = "Correct the file."
     if isinstance(error, AttributeError) and isinstance(error.obj, SimpleNamespace):
-        known = sorted(vars(error.obj))
-        text = f"there is no '{error.name}'"
+        text, known = f"there is no '{error.name}'", sorted(vars(error.obj))
         fix = f"{nearest(str(error.name), known)}There are: {', '.join(known)}."
     elif "truth value" in text:
         fix = CHOOSE
     elif isinstance(error, NotANumberError):
-        called = re.search(r"\bmath\.(\w+)", inside[-1].line or "") if inside else None
+        called = re.search(r"\bmath\.(\w+)", code)
         fix = _instead(called[1]) if called else "Use casadi's functions on symbols."
-    elif found := re.search(r"no wire for \w+\.(\w+); signals are (.*)", text):
-        known = re.findall(r"'(\w+)'", found[2])
-        text = f"no signal has the name of input '{found[1]}'"
-        fix = f"{nearest(found[1], known)}Signals: {', '.join(known)}; or name one in Parts.wires."
-    elif found := re.search(r"(?:no such port|unknown) \W*(?:\w+\.)?(\w+)\W.*?(\[.*\])", text):
-        fix = nearest(found[1], re.findall(r"'(\w+)'", found[2])) + fix
+    elif found := re.search(r"(no wire for|no such port) \w+\.(\w+); (.*)", text):
+        known = re.findall(r"'(\w+)'", found[3])
+        fix = f"{nearest(found[2], known)}An input is fed by the signal of its name or Parts.wires."
     at = f", line {line}" if line else ""
     return UserError(f"{path.name}{at}: {what}: {text} ({type(error).__name__}).", fix)
 
@@ -122,18 +119,19 @@ class NotANumberError(TypeError):
 @contextmanager
 def _symbols_are_no_numbers() -> Iterator[None]:
     # CasADi makes NaN of a symbol that is asked for its number, as math.sin does.
-    whole = ca.SX.__float__
+    sx: Any = ca.SX
+    usual = sx.__float__
 
     def number(x: ca.SX, *more: Any) -> float:
         if not x.is_constant():
             raise NotANumberError("Python asks for a number, and this is a symbol")
-        return float(whole(x, *more))
+        return float(usual(x, *more))
 
-    ca.SX.__float__ = number
+    sx.__float__ = number
     try:
         yield
     finally:
-        ca.SX.__float__ = whole
+        sx.__float__ = usual
 
 
 def _instead(function: str) -> str:
@@ -152,39 +150,31 @@ def _check_kernels(path: Path, law: str, made: Parts) -> None:
         for function in (block.prepare, *block.kernels.values()):
             for k in range(function.n_instructions()):
                 code = function.instruction_id(k)
-                if code in missing:
-                    name = missing[code]
-                    raise UserError(
-                        f"{_place(path, name)}: law {law}: {name} in Block {block.name}.",
-                        _instead(name),
-                    )
+                name, fix = missing.get(code, ""), "Give a finite number."
                 if code == ca.OP_CONST and not math.isfinite(function.instruction_constant(k)):
+                    name = str(function.instruction_constant(k))
+                if name:
+                    fix = _instead(name) if code in missing else fix
+                    line = _line(path, f"inf nan {name}")
                     raise UserError(
-                        f"{_place(path, 'nan', 'inf')}: law {law}: Block {block.name} computes "
-                        f"with the constant {function.instruction_constant(k)}.",
-                        "Give a finite number.",
+                        f"{path.name}, line {line}: law {law}: {name} in Block {block.name}.", fix
                     )
 
 
-def _place(path: Path, *names: str) -> str:
-    # File and first line on which a name is used or stands in quotes.
-    for node in _nodes(path):
-        used = getattr(node, "attr", None) or getattr(node, "id", None)
-        text = node.value if isinstance(node, ast.Constant) else used
-        if isinstance(text, str) and text.lower() in names:
-            return f"{path.name}, line {getattr(node, 'lineno', 0)}"
-    return path.name
+_WORD = re.compile(r"\w+")
 
 
-def _quoted(path: Path, text: str) -> int:
-    # Line on which a name of the message stands in quotes: the last of them that does.
-    nodes = _nodes(path)
-    keys = [k for n in nodes if isinstance(n, ast.Dict) for k in n.keys]
-    lines = {n.value: n.lineno for n in (*nodes, *keys) if isinstance(n, ast.Constant)}
-    return next((lines[w] for w in reversed(re.findall(r"\w+", text)) if w in lines), 0)
-
-
-def _nodes(path: Path) -> Sequence[ast.AST]:
+def _line(path: Path, text: str) -> int:
+    # Line on which the last word of a message stands that is used or quoted there; what comes
+    # behind a semicolon is what there is.  As a key it counts most, then in quotes.
+    lines: dict[str, int] = {}
     with suppress(OSError, SyntaxError, ValueError):
-        return list(ast.walk(ast.parse(path.read_bytes())))
-    return ()
+        nodes = list(ast.walk(ast.parse(path.read_bytes())))
+        names = [(getattr(n, "attr", None) or getattr(n, "id", None), n) for n in nodes]
+        quoted = [n for n in nodes if isinstance(n, ast.Constant)]
+        keys = [k for n in nodes if isinstance(n, ast.Dict) for k in n.keys]
+        for word, n in (*names, *((getattr(n, "value", None), n) for n in (*quoted, *keys))):
+            if isinstance(word, str) and " " not in word:
+                lines |= dict.fromkeys(word.split("."), getattr(n, "lineno", 0))
+    words = _WORD.findall(text.partition(";")[0])
+    return next((lines[w] for w in reversed(words) if w in lines), 0)

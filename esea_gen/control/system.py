@@ -14,7 +14,7 @@ from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
-from esea_gen.control.limits.monitor import monitor
+from esea_gen.control.limits.monitor import encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
@@ -22,7 +22,7 @@ from esea_gen.control.reference import reference
 from esea_gen.control.shown import gains_reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.alike import emitted_once
+from esea_gen.language.alike import alike, emitted_once
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
@@ -105,9 +105,9 @@ EXTRAS = {
         outputs={n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")},
     ),
     "monitor": _Extra(
-        {"doubt": "monitor.doubt"},
+        {"doubt": "monitor.doubt"} | {f"doubt_{x}": f"monitor_{x}.doubt" for x in SIDES},
         inputs={
-            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor.{n}_{side}")
+            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor_{side}.{n}")
             for side in SIDES
             for n in ("count", "frame_error")
         },
@@ -204,7 +204,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
-        **({"monitor": monitor(device)} if device.file.monitor else {}),
+        **(_watched(device) if device.file.monitor else {}),
         "limits": limits(device),
         "drive": drive_observer(device),
         **({"gear": gear_observer(device)} if redundant else {}),
@@ -215,6 +215,11 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
     return Base(device, blocks, inverse)
 
 
+def _watched(device: DeviceData) -> dict[str, Component]:
+    of_sides = {f"monitor_{side}": encoder_monitor(device, side) for side in SIDES}
+    return {**of_sides, "monitor": monitor(device)}
+
+
 def _blocks(
     base: Base, laws: Sequence[Law], parts: Sequence[Parts]
 ) -> tuple[dict[str, Component], dict[str, Component]]:
@@ -222,6 +227,8 @@ def _blocks(
     blocks, whose = dict(base.blocks), dict.fromkeys(base.blocks, "")
     for law, part in zip(laws, parts, strict=True):
         for name, block in [*part.replaced.items(), *part.own.items()]:
+            if whose.get(name) and _shared(blocks[name], block):
+                continue
             if whose.get(name) or (name in part.own and name in whose):
                 raise UserError(
                     f"{base.device.origin}: the laws {whose[name] or 'base'} and {law.name} both "
@@ -244,6 +251,11 @@ def _blocks(
         control["law"] = law_switch(base.device, [law.name for law in laws], checked)
     control |= {n: blocks[n] for n in LAST if n in blocks}
     return {n: blocks[n] for n in order}, control
+
+
+def _shared(one: Component, other: Component) -> bool:
+    # Laws that need the same of what they stand on have it once.
+    return isinstance(one, Block) and isinstance(other, Block) and alike(one, other)
 
 
 def _wired(every: dict[str, Component], laws: Sequence[Law], parts: Sequence[Parts]) -> AxisParts:

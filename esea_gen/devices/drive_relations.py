@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Iterator
 
 from esea_gen.devices.fields import DeviceFile
-from esea_gen.devices.numbers import Quantity, numbers_of
 from esea_gen.errors import UserError
 
 # Control rate over the resonance of motor and load on the coupling.  A loop sampled less than six
@@ -20,8 +19,7 @@ ALIKE = 2.0  # factor within which full scale and the rubber's own torque agree
 
 def check_drive(file: DeviceFile) -> Iterator[UserError]:
     """What no drive can be."""
-    v = _values(file)
-    a = file.actuator
+    a, safety, control = file.actuator, file.safety, file.timing.control_rate_Hz
     if a is None or file.joint is None:
         return
     n, inertia = a.gear_ratio.value, a.J_kgm2.value
@@ -31,15 +29,15 @@ def check_drive(file: DeviceFile) -> Iterator[UserError]:
             f"rotor_kgm2 = {a.rotor_kgm2.value:g} times gear_ratio = {n:g} squared = {least:g}.",
             f"Give J_kgm2 = {least:.3g} or more, or correct the ratio.",
         )
-    top_Nm = n * v.get("safety.u_max_Nm", a.u_max_Nm.value)
+    top_Nm = n * (safety or a).u_max_Nm.value
     if top_Nm <= a.fc_Nm.value:
         yield UserError(
             f"actuator.fc_Nm = {a.fc_Nm.value:g} is not below the largest torque at the joint, "
             f"gear_ratio = {n:g} times safety.u_max_Nm = {top_Nm:g}: the motor cannot turn.",
             "Correct one of them.",
         )
-    rate, resonance = v.get("timing.control_rate_Hz"), resonance_Hz(file)
-    if rate is not None and rate < LEAST_SAMPLES * resonance:
+    resonance = resonance_Hz(file)
+    if control is not None and (rate := control.value) < LEAST_SAMPLES * resonance:
         yield UserError(
             f"timing.control_rate_Hz = {rate:g} Hz is {rate / resonance:.2g} times the resonance "
             f"of motor and load on the coupling ({resonance:.3g} Hz), below its limit "
@@ -77,42 +75,39 @@ def spring_Nm(file: DeviceFile, theta_rad: float) -> float:
 
 def _unwise(file: DeviceFile) -> Iterator[str]:
     a, safety, d = file.actuator, file.safety, file.domain
-    full, wide = d.tau_full_scale_Nm.value, d.theta_max_rad.value
     if a is None or safety is None or file.joint is None:
         return
+    full, trip, n, inertia = (
+        q.value for q in (d.tau_full_scale_Nm, safety.tau_max_Nm, a.gear_ratio, a.J_kgm2)
+    )
     if file.elastomer is not None:
-        spring = spring_Nm(file, wide)
+        spring, most = (spring_Nm(file, x.value) for x in (d.theta_max_rad, file.limits.theta_rad))
         if not 1 / ALIKE <= full / spring <= ALIKE:
             yield (
-                f"domain: tau_full_scale_Nm = {full:g}, but the rubber's spring gives "
-                f"{spring:.3g} Nm at theta_max_rad = {wide:g}: errors in % of full scale mislead. "
-                "Correct the one that is another rubber's."
+                f"domain: tau_full_scale_Nm = {full:g}, but the spring gives {spring:.3g} Nm at "
+                "theta_max_rad: errors in % of full scale mislead. Correct one of them."
             )
-        if (most := spring_Nm(file, file.limits.theta_rad.value)) < safety.tau_max_Nm.value:
+        if most < trip:
             yield (
-                f"safety: tau_max_Nm = {safety.tau_max_Nm.value:g} never trips: the rubber's "
-                f"spring gives {most:.3g} Nm at the largest plausible deflection, "
-                f"limits.theta_rad = {file.limits.theta_rad.value:g}. Lower it below {most:.2g}."
+                f"safety: tau_max_Nm = {trip:g} never trips: the spring gives {most:.3g} Nm at "
+                "limits.theta_rad. Lower it below that."
             )
-    if safety.tau_max_Nm.value < full:
+    if trip < full:
         yield (
-            f"safety: tau_max_Nm = {safety.tau_max_Nm.value:g} trips below full scale, "
-            f"domain.tau_full_scale_Nm = {full:g}. Raise it, or expect trips in normal use."
+            f"safety: tau_max_Nm = {trip:g} trips below full scale, domain.tau_full_scale_Nm = "
+            f"{full:g}. Raise it, or expect trips in normal use."
         )
-    n = a.gear_ratio.value
     if (top := n * safety.u_max_Nm.value) < full:
         yield (
-            f"actuator: gear_ratio = {n:g} times safety.u_max_Nm = {safety.u_max_Nm.value:g} is "
-            f"{top:.3g} Nm at the joint, below domain.tau_full_scale_Nm = {full:g}: larger desired "
-            "torques are not reached. Raise the ratio or the motor's torque, or desire less."
+            f"actuator: gear_ratio = {n:g} times safety.u_max_Nm is {top:.3g} Nm at the joint, "
+            f"below domain.tau_full_scale_Nm = {full:g}: larger desired torques are not reached. "
+            "Raise either, or desire less."
         )
-    inertia = a.J_kgm2.value
     if (reach := n * a.u_max_Nm.value / inertia) < LEAST_ACCELERATION_RAD_S2:
         yield (
             f"actuator: J_kgm2 = {inertia:g} with gear_ratio = {n:g} lets the motor accelerate the "
-            f"joint by {reach:.2g} rad/s^2, below {LEAST_ACCELERATION_RAD_S2:g}. J is the rotor's "
-            f"inertia times the ratio squared: here a rotor of {inertia / n**2:.2g} kgm^2. "
-            "Check both."
+            f"joint by {reach:.2g} rad/s^2, below {LEAST_ACCELERATION_RAD_S2:g}. J goes with the "
+            f"ratio squared: here it is a rotor of {inertia / n**2:.2g} kgm^2. Check both."
         )
     rate, resonance = file.timing.control_rate_Hz, resonance_Hz(file)
     if rate is not None and LEAST_SAMPLES <= rate.value / resonance < GOOD_SAMPLES:
@@ -121,7 +116,3 @@ def _unwise(file: DeviceFile) -> Iterator[str]:
             f"resonance of motor and load on the coupling ({resonance:.3g} Hz). "
             f"{ADVISED_SAMPLES * resonance:.3g} Hz or more damp it better."
         )
-
-
-def _values(file: DeviceFile) -> dict[str, float]:
-    return {k: q.value for k, q, _ in numbers_of(file) if isinstance(q, Quantity)}

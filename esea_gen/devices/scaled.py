@@ -30,38 +30,31 @@ RATIOS = {
     "control rate": ("timing.control_rate_Hz",),
     "motor lag": ("actuator.tau_c_s",),
 }
-# By which of them a number goes, and with which power.
-STIFFNESS, DRIVE = {"stiffness": 1.0}, {"drive torque": 1.0}
-RATE, DAMPING = {"control rate": 1.0}, {"stiffness": 0.5, "drive inertia": 0.5}
-POWERS: dict[str, dict[str, float]] = {
-    "elastomer.k3_Nm_rad3": STIFFNESS,
-    "elastomer.alpha_Nm_rad": STIFFNESS,
-    "elastomer.maxwell.kv_Nm_rad": STIFFNESS,
-    "elastomer.maxwell.A_Nms_rad": STIFFNESS,
-    "elastomer.maxwell.eps1_Nms_rad": STIFFNESS,
-    "domain.tau_full_scale_Nm": STIFFNESS,
-    "limits.tau_Nm": STIFFNESS,
-    "joint.tau_human_max_Nm": STIFFNESS,
-    "joint.motor_velocity_Hz": RATE,
-    "joint.load_velocity_Hz": RATE,
-    "actuator.fv_Nms_rad": DRIVE,
-    "actuator.fc_Nm": DRIVE,
-    "sliding_mode.lambda_1_s": {"motor lag": -1.0},
-    "sliding_mode.J_unc_kgm2": {"drive inertia": 1.0},
-    "sliding_mode.k1_unc_Nm_rad": STIFFNESS,
-    "sliding_mode.k3_unc_Nm_rad3": STIFFNESS,
-    "sliding_mode.setpoint_filter_Hz": RATE,
-    "safety.u_rate_Nm_s": {"motor torque": 1.0},
-    "safety.energy_J": {"trip torque": 1.0},
-    "redundancy.torque_Nm": DRIVE,
-    "passivity.damping_Nms_rad": DAMPING,
-    "passivity.Kd_max_Nms_rad": DAMPING,
-    "passivity.Kp_max_Nm_rad": STIFFNESS,
-    "passivity.energy_J": STIFFNESS,
-    "cable.contact_Nm": STIFFNESS,
-    "adaptation.offset_Nm": STIFFNESS,
-    "sliding_mode.phi_rad_s": {},
-}
+# By which of them numbers go, and with which power.
+_POWERS: tuple[tuple[dict[str, float], str], ...] = (
+    ({}, "sliding_mode.phi_rad_s"),
+    (
+        {"stiffness": 1},
+        "elastomer.k3_Nm_rad3 elastomer.alpha_Nm_rad elastomer.maxwell.kv_Nm_rad "
+        "elastomer.maxwell.A_Nms_rad elastomer.maxwell.eps1_Nms_rad domain.tau_full_scale_Nm "
+        "limits.tau_Nm joint.tau_human_max_Nm sliding_mode.k1_unc_Nm_rad passivity.Kp_max_Nm_rad "
+        "sliding_mode.k3_unc_Nm_rad3 passivity.energy_J cable.contact_Nm adaptation.offset_Nm",
+    ),
+    ({"drive torque": 1}, "actuator.fv_Nms_rad actuator.fc_Nm redundancy.torque_Nm"),
+    ({"motor torque": 1}, "safety.u_rate_Nm_s"),
+    ({"drive inertia": 1}, "sliding_mode.J_unc_kgm2"),
+    ({"trip torque": 1}, "safety.energy_J"),
+    (
+        {"control rate": 1},
+        "joint.motor_velocity_Hz joint.load_velocity_Hz sliding_mode.setpoint_filter_Hz",
+    ),
+    ({"motor lag": -1}, "sliding_mode.lambda_1_s"),
+    (
+        {"stiffness": 0.5, "drive inertia": 0.5},
+        "passivity.damping_Nms_rad passivity.Kd_max_Nms_rad",
+    ),
+)
+POWERS = {key: powers for powers, keys in _POWERS for key in keys.split()}
 
 
 def scaled_to(

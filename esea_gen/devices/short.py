@@ -9,12 +9,12 @@ from typing import Any
 
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.numbers import Quantity, beyond, toml_entry
-from esea_gen.errors import UserError, nearest
+from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import unit_of
 
 
 @dataclass(frozen=True)
-class Question:
+class DeviceQuestion:
     key: str  # dotted
     text: str
     typical: float
@@ -34,54 +34,28 @@ class Question:
         return f"{self.text}: {named}, {f['low']:g} to {f['high']:g}, such as {self.typical:g}"
 
 
+# Key, typical value, what it is, and why it is asked.
+_ROWS = """
+joint.Jh_kgm2 | 0.22 | Inertia of limb and load side about the joint | A forearm has 0.05 to 0.1.
+safety.rom_min_rad | -0.15 | Lower end of the range of motion | Nothing pushes below.
+safety.rom_max_rad | 2.5 | Upper end of the range of motion | Nothing pushes above.
+safety.tau_max_Nm | 8 | Torque on the person that trips the drive | Less than what may hurt.
+elastomer.k1_Nm_rad | 9.39 | Stiffness of the rubber at small angles | A guess will do at first.
+actuator.gear_ratio | 74 | Gear ratio from motor shaft to joint | In 74:1 it is 74.
+actuator.u_max_Nm | 0.221 | Largest torque of the motor, at its shaft | What the amplifier gives.
+actuator.rotor_kgm2 | 1.21e-4 | Inertia of the rotor, at its shaft | Its data sheet; 1 gcm2 is 1e-7.
+actuator.tau_c_s | 0.005 | Lag of the motor's torque | A current loop has 1 to 5 ms.
+encoder.resolution_bits | 14 | Bits of both joint encoders | 12 bits: 4096 counts.
+actuator.encoder_bits | 17 | Bits of the motor's encoder | 1024 lines: 4096 counts, 12 bits.
+timing.control_rate_Hz | 200 | Rate of the control task | It divides 1000; a light joint needs 500.
+"""
 QUESTIONS = tuple(
-    Question(*row)
-    for row in (
-        (
-            "joint.Jh_kgm2", "Inertia of limb and load side about the joint", 0.22,
-            "An observer finds the person's torque by it. Forearm: 0.05 to 0.1; hand: 0.003.",
-        ),
-        ("safety.rom_min_rad", "Lower end of the range of motion", -0.15, "Nothing pushes below."),
-        ("safety.rom_max_rad", "Upper end of the range of motion", 2.5, "Nothing pushes above."),
-        (
-            "safety.tau_max_Nm", "Torque on the person that trips the drive", 8.0,
-            "Twice the largest torque that you want, and less than what may hurt.",
-        ),
-        (
-            "elastomer.k1_Nm_rad", "Stiffness of the rubber coupling at small angles", 9.39,
-            "Torque is measured by it. A first guess will do until esea-gen identify.",
-        ),
-        ("actuator.gear_ratio", "Gear ratio from motor shaft to joint", 74.0, "In 74:1 it is 74."),
-        (
-            "actuator.u_max_Nm", "Largest torque of the motor, at its shaft", 0.221,
-            "What motor and amplifier give for a second or more.",
-        ),
-        (
-            "actuator.rotor_kgm2", "Inertia of the rotor, at its shaft", 1.21e-4,
-            "From the data sheet; 1 gcm2 is 1e-7. Times the ratio squared it is the drive's.",
-        ),
-        (
-            "actuator.tau_c_s", "Lag of the motor's torque behind its command", 0.005,
-            "A current loop has 1 to 5 ms, a drive with its own filter up to 35 ms.",
-        ),
-        (
-            "encoder.resolution_bits", "Bits of a turn of both joint encoders", 14,
-            "Counts per turn are 2 to this power: 12 bits are 4096.",
-        ),
-        (
-            "actuator.encoder_bits", "Bits of a turn of the motor's encoder", 17,
-            "An encoder of 1024 lines has 4096 counts: 12.",
-        ),
-        (
-            "timing.control_rate_Hz", "Rate of the control task", 200.0,
-            "It divides 1000 Hz; a light joint needs 500.",
-        ),
-    )
-)  # fmt: skip
-GIVEN = "yours; write here where it comes from"
+    DeviceQuestion(key, text, float(typical), why)
+    for key, typical, text, why in (r.split(" | ") for r in _ROWS.strip().splitlines())
+)
 
 
-def read_answer(question: Question, text: str) -> float:
+def read_answer(question: DeviceQuestion, text: str) -> float:
     """A typed answer, inside the number's bounds."""
     try:
         value = float(text)
@@ -97,20 +71,12 @@ def read_answer(question: Question, text: str) -> float:
 
 
 def read_given(words: list[str]) -> dict[str, float]:
-    """Answers by key, from ``KEY=VALUE``."""
+    """Answers by key, from ``KEY=VALUE``; of a key that is given twice the last."""
     known = {q.name: q for q in QUESTIONS}
-    found = {}
-    for word in words:
-        name, _, value = word.partition("=")
-        if name not in known:
-            raise UserError(
-                f"--give {word}: '{name}' is not asked for.",
-                f"{nearest(name, known)}Write KEY=VALUE; keys: {', '.join(known)}.",
-            )
-        if name in found:
-            raise UserError(f"--give {word}: {name} is given twice.", "Give it once.")
-        found[name] = read_answer(known[name], value)
-    return found
+    pairs = [w.partition("=")[::2] for w in words]
+    for name, _ in pairs:
+        choose("number to --give", name, known)
+    return {name: read_answer(known[name], value) for name, value in pairs}
 
 
 def refuse_missing(given: Mapping[str, float]) -> None:
@@ -125,26 +91,19 @@ def refuse_missing(given: Mapping[str, float]) -> None:
 
 def short_text(name: str, base: str, given: Mapping[str, float]) -> str:
     """The device file."""
-    refuse_missing(given)
     lines = [
         f"# Device file of esea-gen. These {len(QUESTIONS)} numbers are yours; every other one is "
-        f"scaled from {base}",
-        "# to fit them, unless you give it here. To see all of them: esea-gen new whole --from "
-        f"{name}.toml",
-        "# The encoders have no zero: the board does not arm before they are zeroed "
-        "(esea-host zero ADDRESS).",
-        "schema = 1",
-        f'extends = "{base}"',
-        "scaled = true",
-        f'name = "{name}"',
-        f'title = "{name}: own drive, scaled from {base}"',
+        f"scaled from {base} to fit them,",
+        f"# unless you give it here. To see all: esea-gen new whole --from {name}.toml",
+        "# The encoders have no zero: the board arms once they are zeroed, esea-host zero ADDRESS.",
+        f'schema = 1\nextends = "{base}"\nscaled = true',
+        f'name = "{name}"\ntitle = "{name}: own drive, scaled from {base}"',
     ]
-    sections = dict.fromkeys(q.key.partition(".")[0] for q in QUESTIONS)
-    for section in sections:
-        lines += ["", f"[{section}]"]
-        for q in QUESTIONS:
-            if q.key.startswith(f"{section}."):
-                quantity = Quantity(value=given[q.name], status="assumed", source=GIVEN)
-                lines.append(f"# {q.text}. {q.why}")
-                lines.append(toml_entry(q.name, quantity, whole=q.facts["whole"]))
+    section = ""
+    for q in sorted(QUESTIONS, key=lambda q: q.key.partition(".")[0]):
+        if section != (section := q.key.partition(".")[0]):
+            lines.append(f"\n[{section}]")
+        source = "yours; write here where it comes from"
+        quantity = Quantity(value=given[q.name], status="assumed", source=source)
+        lines += [f"# {q.text}. {q.why}", toml_entry(q.name, quantity, whole=q.facts["whole"])]
     return "\n".join(lines) + "\n"

@@ -9,6 +9,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from esea_gen.control.limits.faults import Fault
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
@@ -87,6 +88,12 @@ def test_what_each_kind_makes_of_the_angle(sound):
         0.5 * (theta - theta[0]), abs=2 * 2 * np.pi / 4096
     )
     assert np.ptp(theta) > 0.02
+    for kind, bit in (("zero", 0), ("one", 1)):
+        stuck = run(f"{kind}:load@4=5").plant["count_load"].astype(int)[after]
+        assert set(stuck >> 5 & 1) == {bit}
+        assert set((stuck ^ truth[after].astype(int)) & ~32) == {0}
+    noisy = moved(run("noise:load@4=0.01").plant["count_load"][4000:4010], truth[4000:4010], 4096)
+    assert 2 < np.std(noisy) * 2 * np.pi / 4096 / 1e-3 < 20
     both = run("freeze:both@4").plant
     for name in ("count_load", "count_motor"):
         assert len(set(both[name][4000:])) == 1
@@ -102,6 +109,8 @@ def test_what_each_kind_makes_of_the_angle(sound):
         ("freeze:load@4=1", "has no amount"),
         ("slip:load@4=inf", "not a number from -10 to 10"),
         ("slip:load@-1", "not a number from 0"),
+        ("one:load@4=1.5", "whole"),
+        ("zero:load@4=-1", "not a number from 0 to 23"),
     ],
 )
 def test_what_is_no_fault_is_refused(text, said):
@@ -109,6 +118,8 @@ def test_what_is_no_fault_is_refused(text, said):
         parse_fault(text)
     assert str(parse_fault("drift:gear@2=0.1")) == "drift:gear@2=0.1"
     assert str(parse_fault("freeze:both@2")) == "freeze:both@2"
+    with pytest.raises(UserError, match="count_load has 12 bits"):
+        run("one:load@4=12")
 
 
 # -- its figures, on a run made by hand ------------------------------------------------------------
@@ -170,7 +181,7 @@ def test_the_tail_of_healthy_runs_gives_the_rate_of_alarms():
 def page_rows(page: str, table: str) -> dict[str, dict[str, str]]:
     """A page's table by row and column."""
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
-    part = text[text.index(f"--table {table} -->") :]
+    part = text[text.index(f"<!-- figures:{table}") :]
     part = part[part.index("\n|") + 1 :]
     lines = [x.strip("| ").split(" | ") for x in part[: part.index("\n\n")].splitlines()]
     return {row[0]: dict(zip(lines[0], row, strict=True)) for row in lines[2:]}
@@ -186,7 +197,7 @@ MORE = [(r, p, s) for r, p, _ in CASES_NOW for p in everyone.FEW for s in range(
 def test_what_a_fault_does_is_within_the_pages_table(some):
     require_tool("gcc")
     gear_ratio = everyone.loaded("elbow_drive", "smc").file.actuator.gear_ratio.value
-    rows = page_rows("limits.md", "encoders")
+    rows = page_rows("limits.md", "encoder-faults")
     for row, person, seed in some:
         fault = asdict(everyone.board_fault(row, gear_ratio))
         case = {"controller": ("smc", "mpc")[seed % 2], "fault": fault, "person": person}
@@ -205,7 +216,7 @@ def test_amounts_are_of_the_joint():
     assert faults["gain:both=1.2"] == BoardFault("count_motor+count_load", "gain", 1.2)
     signs = [f.amount for text, f in faults.items() if text.startswith(("slip", "drift"))]
     assert sorted(signs) == sorted(-x for x in signs)
-    assert set(faults) == set(page_rows("limits.md", "encoders"))
+    assert set(faults) == set(page_rows("limits.md", "encoder-faults"))
 
 
 def test_a_reflex_pulls_late_and_by_its_share():
@@ -229,6 +240,25 @@ def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
         peaks.append(felt.peak_torque_Nm)
     assert peaks[1] < 2.4  # 2 Nm were desired
     assert peaks[0] > 3.0
+
+
+@pytest.mark.parametrize("controller", ["smc", pytest.param("mpc", marks=pytest.mark.ci)])
+@pytest.mark.parametrize(
+    ("fault", "reason", "ticks"),
+    [
+        ("one:load@4=3", Fault.STUCK_BIT, 50),
+        ("zero:load@4=4", Fault.STUCK_BIT, 50),
+        ("zero:motor@4=2", Fault.STUCK_BIT, 50),
+        ("noise:load@4=0.008", Fault.ROUGH, 15),
+        ("noise:motor@4=0.004", Fault.ROUGH, 50),
+    ],
+)
+def test_a_stuck_bit_and_noise_are_found_before_they_push(fault, reason, ticks, controller):
+    for case, wanted_Nm in (("0 Nm", 0.0), ("2 Nm", 2.0)):
+        figures = fault_figures(run(fault, case=case, controller=controller), parse_fault(fault))
+        assert figures["detected_fault"] == reason
+        assert figures["detected_ticks"] <= ticks
+        assert figures["torque_then_Nm"] <= wanted_Nm + 0.5
 
 
 def test_without_the_comparison_a_frozen_encoder_is_not_found(tmp_path):

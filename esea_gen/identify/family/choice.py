@@ -1,9 +1,7 @@
 """The choice between fitted models: the cheapest that no other beats.
 
 A model beats another if its held-out error is smaller by :data:`BETTER` in half of the conditions
-or more (never in one alone, where several judge) and in the geometric mean over all of them.  Each
-condition has one vote, so that one odd condition neither makes a choice nor prevents it; the mean
-weighs what a model loses in some conditions against what it gains in others, as ratios.
+or more (never in one alone, where several judge) and in the geometric mean over all of them.
 """
 
 from __future__ import annotations
@@ -61,8 +59,11 @@ def choose(rows: Sequence[CompareRow], whole: Set[str], costs: Mapping[str, floa
     mean = {m: math.exp(float(np.log(e).mean())) for m, e in errors.items()}
     good = [m for m in costs if not any(beats(errors[o], errors[m]) for o in costs)]
     chosen = min(good, key=lambda m: (costs[m], mean[m]))
-    best, *rest = sorted(costs, key=lambda m: mean[m])
-    second = best if best != chosen else next(iter(rest), None)
+    best, *_ = ordered = sorted(costs, key=lambda m: mean[m])
+    others = [m for m in ordered if m != chosen]
+    # A member whose other terms carry nothing is the chosen one again.
+    apart = [m for m in others if not np.allclose(errors[m], errors[chosen], rtol=1e-3)]
+    second = next(iter(apart or others), None)
 
     def facts(m: str) -> str:
         return f"{mean[m] - NEGLIGIBLE:.2f} %, {costs[m]:.0f} operations a step"
