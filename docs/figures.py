@@ -18,10 +18,12 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from esea_gen.files import write_whole
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
@@ -213,18 +215,18 @@ def blocks(folder: Path) -> dict[str, FigureBlock]:
     return found
 
 
-def write(block: FigureBlock, lines: Sequence[str], date: str) -> None:
+def write(block: FigureBlock, lines: Sequence[str], when: object) -> None:
     table = tables()[block.name]
     one = len(table.commands) == 1
     what = table.commands[0] if one else f"make figures TABLES={table.name}"
     by_hand = "" if table.columns else ", by hand"
-    inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {date}: `{what}`*", "", ""])
-    head = ":".join((block.name, date, inputs_of(table), digest(inner)))
+    inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {when}: `{what}`*", "", ""])
+    head = ":".join((block.name, str(when), inputs_of(table), digest(inner)))
     content = block.page.read_text(encoding="utf-8")
     mark = BLOCK.pattern.replace(r"(?P<name>[\w-]+)", f"(?P<name>{block.name})")
     new = f"<!-- figures:{head} -->\n{inner}<!-- /figures -->"
     new = re.sub(mark, lambda _: new, content, flags=re.DOTALL)
-    block.page.write_text(new, encoding="utf-8")
+    write_whole(block.page, new)
 
 
 def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
@@ -264,7 +266,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", help="tables; default: all that are not current")
     parser.add_argument("--check", action="store_true", help="report blocks edited by hand")
     parser.add_argument("--record", action="store_true", help="date blocks that were run by hand")
-    parser.add_argument("--date", default=f"{datetime.now(UTC):%Y-%m-%d}")
+    parser.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
     parser.add_argument("--jobs", type=int, default=-1, help="parallel processes of a simulation")
     chosen = parser.parse_args()
     found = blocks(DOCS)
