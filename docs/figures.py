@@ -41,7 +41,7 @@ WORDS = {"True": "yes", "False": "no", "None": "–"}
 @dataclass(frozen=True)
 class FigureColumn:
     head: str
-    show: str  # a template for an entry, or `median` or `mean / largest` of the RMS errors
+    show: str  # a template for an entry, or `median`: of the RMS errors
     of: Sequence[int] = ()  # results of these commands only
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -107,18 +107,16 @@ def fits(entry: Mapping[str, Any], where: Mapping[str, Sequence[str]]) -> bool:
     return all(str(entry[k]) in allowed for k, allowed in where.items())
 
 
-def errors(runs: Sequence[Mapping[str, Any]], show: str) -> str:
-    """RMS error over the seeds, of each the mean over its cases; how many runs ended early."""
+def errors(runs: Sequence[Mapping[str, Any]]) -> str:
+    """Median over the seeds of the mean over the cases; how many runs ended early."""
     by_seed: dict[int, list[float]] = {}
     for e in runs:
         if e["rms_true_Nm"] is not None:
             by_seed.setdefault(e["seed"], []).append(e["rms_true_Nm"])
     means = [statistics.fmean(v) for v in by_seed.values()] or [float("nan")]
-    text = f"{statistics.median(means):.3f}"
-    if show != "median":
-        text = f"{statistics.fmean(means):.3f} / {max(means):.3f}"
     ended = sum(any(e.get(k) for k in ENDED) for e in runs)
-    return text + (f" ({ended} of {len(runs)} ended)" if ended else "")
+    more = f" ({ended} of {len(runs)} ended)" if ended else ""
+    return f"{statistics.median(means):.3f}{more}"
 
 
 def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
@@ -135,8 +133,7 @@ def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
                 for k, e in every
                 if label.format_map(e) == name and (not c.of or k in c.of) and fits(e, c.where)
             ]
-            whole = c.show in ("median", "mean / largest")
-            text = errors(mine, c.show) if whole else c.show.format_map(mine[0])
+            text = errors(mine) if c.show == "median" else c.show.format_map(mine[0])
             cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
         line = f"| {' | '.join(cells)} |"
         for old, new in table.words.items():
