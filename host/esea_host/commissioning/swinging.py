@@ -23,7 +23,6 @@ from esea_host.commissioning.drive import gear_torque_Nm, window
 from esea_host.commissioning.startup import DriveRecording, StartupCheck, travel
 from esea_host.recording.layout import Array
 
-STOP_NM = 0.8  # threshold of the stop operator of the Block adaptation; a test compares them
 LENGTH_S, FADE_S, SHARE = 40.0, 5.0, 0.6
 """Of a swing; the share of the mass's torque that is wanted at most."""
 RATES_HZ, SWELL_S, LEAST_SWELL = (0.2, 0.1), 20.0, 0.4
