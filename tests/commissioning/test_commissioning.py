@@ -169,7 +169,7 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
     monkeypatch.setattr(bench, "pass_time", later)
     with pytest.raises(CommissioningEndedError):
         quick("sign", bench)
-    bench.device.advance(0.3)
+    bench.device.advance(0.6)  # the torque fades, and the heartbeat tells of it
     assert bench.device.state() == "STOPPED"
     assert not bench.device.drive.board.motor[0]
     bench.device.release()
