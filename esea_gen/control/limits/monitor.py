@@ -16,15 +16,7 @@ import numpy as np
 from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Constant,
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, Side, step_max_counts
 from esea_gen.model.sections import section_of
