@@ -249,8 +249,8 @@ def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
         ("one:load@4=3", Fault.STUCK_BIT, 50),
         ("zero:load@4=4", Fault.STUCK_BIT, 50),
         ("zero:motor@4=2", Fault.STUCK_BIT, 50),
-        ("noise:load@4=0.008", Fault.ROUGH, 15),
-        ("noise:motor@4=0.004", Fault.ROUGH, 50),
+        ("noise:load@4=0.008", Fault.ROUGH, 30),
+        ("noise:motor@4=0.004", Fault.ROUGH, 100),
     ],
 )
 def test_a_stuck_bit_and_noise_are_found_before_they_push(fault, reason, ticks, controller):
