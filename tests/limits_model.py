@@ -59,6 +59,7 @@ class Numbers:
             "clock_ok": (0, 1),
             "late_level": (0, 255),
             "coeffs_ok": (0, 1),
+            "doubt": (0, 3),
         }
     )
 
@@ -69,7 +70,7 @@ FLAGS = [
     "INPUT_INVALID", "STATE_REPAIRED", "TUNABLE_INVALID", "STOPPED", "SENSING_LOST",
     "CONTROL_STALE", "DEFLECTION", "INTERACTION_TORQUE", "SPEED", "RANGE_OF_MOTION", "ENERGY",
     "TORQUE_CLIPPED", "RATE_LIMITED", "ROM_LOW", "ROM_HIGH", "SPEED_LIMITED", "REARM_REFUSED",
-    "FAULT_LATCHED", "CLOCK", "LATE", "COEFFICIENTS",
+    "FAULT_LATCHED", "CLOCK", "LATE", "COEFFICIENTS", "SWINGS", "ROUGH", "STUCK_BIT",
 ]  # fmt: skip
 BIT = {name: 1 << i for i, name in enumerate(FLAGS)}
 
@@ -124,7 +125,7 @@ class PlainLimits:
         bad_stop = x["stop"] != 0
         stop_invalid = not 0 <= x["stop"] <= 1
         ok = valid and not stop_invalid and x["mode"] in MODES and x["rearm"] in REARMS
-        ok = ok and x["request_ok"] == 1
+        ok = ok and x["request_ok"] == 1 and x["doubt"] in range(4)
         near = []
 
         beat = x["control_beat"] if 0 <= x["control_beat"] <= 255 else self.beat
@@ -168,6 +169,9 @@ class PlainLimits:
             (Fault.CLOCK, x["clock_ok"] != 1),
             (Fault.LATE, late > 128),
             (Fault.COEFFICIENTS, x["coeffs_ok"] != 1),
+            (Fault.SWINGS, x["doubt"] == 1),
+            (Fault.ROUGH, x["doubt"] == 2),
+            (Fault.STUCK_BIT, x["doubt"] == 3),
         ]
         found = [f for f, is_so in causes if is_so]
         edge = self.rearm is not None and x["rearm"] == (self.rearm + 1) % 8
@@ -189,6 +193,7 @@ class PlainLimits:
             (Fault.SPEED, "SPEED"), (Fault.RANGE_OF_MOTION, "RANGE_OF_MOTION"),
             (Fault.ENERGY, "ENERGY"), (Fault.CLOCK, "CLOCK"), (Fault.LATE, "LATE"),
             (Fault.COEFFICIENTS, "COEFFICIENTS"),
+            *((f, f.name) for f in Fault if f > Fault.COEFFICIENTS),
         ):  # fmt: skip
             bits[flag] = fault in found
         bits["REARM_REFUSED"] = other and was is not Fault.NONE and self.fault is not Fault.NONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import importlib.util
 import json
 import re
 import shutil
@@ -18,24 +17,14 @@ import pytest
 
 import esea_gen
 from esea_gen.hostlib.library import compile_system
-from tests.conftest import ROOT, require_module, require_tool
+from tests.conftest import ROOT, load_file, require_module, require_tool
 from tests.typed import typed
 
 DOCS = ROOT / "docs"
 SNIPPET = re.compile(r'^--8<-- "(.+?)(?::(\w+))?"$', re.MULTILINE)
 
-
-def load(path: Path):
-    """Import a file that is in no package."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[path.stem] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-made = load(DOCS / "made_pages.py")
-controller = load(ROOT / "examples" / "controller.py")
+made = load_file(DOCS / "made_pages.py")
+controller = load_file(ROOT / "examples" / "controller.py")
 
 
 # -- the worked example ---------------------------------------------------------------------------

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from esea_gen.board.bound import step_bound
-from esea_gen.device import Device
+from esea_gen.device import Device, load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import LoopBound, loop_lines
 from esea_gen.emit.render import Renderer
@@ -19,6 +20,8 @@ from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Boar
 
 # Of the processor's time, what firmware and interrupts beside the tasks may take.
 MOST_LOAD = 0.9
+# Lighter than predictive control, by their errors (docs/control.md); the last one is the lightest.
+LIGHTER = ("cascade", "smc")
 CHECKSUM = "coefficients_checksum"
 
 
@@ -44,8 +47,14 @@ class TaskTimes:
         """The slowest clock, rounded up to a tenth."""
         return math.ceil(self.least_Hz / 1e5) / 10
 
-    def check(self) -> None:
-        """Refuse a release before a task's end."""
+    @property
+    def in_time(self) -> bool:
+        return all(ended <= self.release_s[task] for task, ended in self.ended_s.items())
+
+    def check(self, lighter: Callable[[], str] = str) -> None:
+        """Refuse a release before a task's end; ``lighter`` finds a law that fits."""
+        other = "" if self.in_time else lighter()
+        other = f"Take --controller {other}, which fits; or: " if other else ""
         for task, ended in self.ended_s.items():
             if ended <= self.release_s[task]:
                 continue
@@ -55,15 +64,28 @@ class TaskTimes:
                 raise UserError(
                     f"{self.device} does not fit on {part}: its tasks take all of its time "
                     f"at {assumed}; they need {self.least_MHz:g} MHz.",
-                    "Take a faster board, a lower rate or a shorter horizon.",
+                    f"{other}Take a faster board, a lower rate or a shorter horizon.",
                 )
             raise UserError(
                 f"{self.device} does not fit on {part}: its task {task} takes up to "
                 f"{self.instructions[task]} instructions and may end {1e3 * ended:.3f} ms after "
                 f"its start at {assumed}; it is released after {1e3 * self.release_s[task]:g} ms.",
-                f"Write timing.{task}_release_s = {self.needed_s(task):g}, shorten the horizon, "
-                f"take a board of {self.least_MHz:g} MHz, or give --cycles as measured.",
+                f"{other}Write timing.{task}_release_s = {self.needed_s(task):g}, shorten the "
+                f"horizon, take a board of {self.least_MHz:g} MHz, or give --cycles as measured.",
             )
+
+
+def lighter_law(device: Device, board: Board, cycles: float | None = None) -> str:
+    """Of the laws lighter than a device's, the one with the least error that is in time."""
+    own = [law.name for law in device.laws]
+    for name in LIGHTER[own[0] in LIGHTER :] if len(own) == 1 else ():
+        try:
+            times = task_times(load_device(device.given[0], name), board, cycles)
+        except UserError:  # the law asks for what the device has not
+            continue
+        if times.in_time:
+            return name
+    return ""
 
 
 def task_times(device: Device, board: Board, cycles: float | None = None) -> TaskTimes:

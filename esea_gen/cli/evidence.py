@@ -11,6 +11,7 @@ import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import (
+    ControllerOption,
     DeviceArgument,
     FigureOption,
     JobsOption,
@@ -22,6 +23,7 @@ from esea_gen.cli.options import (
     recorded_streams,
 )
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
+from esea_gen.errors import UserError, choose
 from esea_gen.files import write_json
 
 if TYPE_CHECKING:
@@ -298,7 +300,19 @@ def fixed(
 @app.command()
 def faults(
     device: DeviceArgument,
-    runs: Annotated[int, option("--runs", "Number of faults.", min=1)] = 2000,
+    runs: Annotated[
+        int | None,
+        option("--runs", "Number of faults (2000); with --table seeds a person (20).", min=1),
+    ] = None,
+    table: Annotated[
+        str,
+        option(
+            "--table NAME",
+            "Instead, by person from limp to stiff: encoders that are wrong but plausible "
+            "('encoders'), or both categories of stop ('stops').",
+        ),
+    ] = "",
+    controller: ControllerOption = None,
     seed: SeedOption = 0,
     jobs: JobsOption = -1,
     resume: JournalOption = None,
@@ -312,10 +326,32 @@ def faults(
 
     The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
     --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
+    With --table each law of --controller (smc,mpc) has its share of the seeds.
     """
     from esea_gen.analysis.campaign import Workers
-    from esea_gen.verify.faults.campaign import fault_campaign, with_emulated
+    from esea_gen.verify.faults.campaign import DEFAULT_RUNS, fault_campaign, with_emulated
+    from esea_gen.verify.faults.everyone import ENCODERS, SEEDS, STOPS, people_table
 
+    if (emulator or figure) if table else controller:
+        raise UserError(
+            "--table goes with --controller, the other faults with --emulator and --figure.",
+            "Leave one out.",
+        )
+    if table:
+        choose("table", table, (ENCODERS, STOPS))
+        with counted(f"{device}, {table}") as tell:
+            made = people_table(
+                device,
+                table,
+                controllers=controller.split(",") if controller else (),
+                seeds=runs or SEEDS,
+                workers=Workers(jobs),
+                folder=resume,
+                progress=tell,
+            )
+        show(made, json_file, "faults")
+        return
+    runs = runs or DEFAULT_RUNS
     with counted(f"{device}, faults") as tell:
         result = fault_campaign(
             device, runs=runs, seed=seed, workers=Workers(jobs), folder=resume, progress=tell

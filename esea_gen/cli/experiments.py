@@ -31,6 +31,7 @@ from esea_gen.cli.options import (
     writable,
 )
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
+from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 
@@ -150,7 +151,7 @@ ControllersOption = Annotated[
     list[str] | None,
     option(
         "--controller NAME",
-        f"{CONTROLLER_HELP} Default: smc. Given again: one table of all.",
+        f"{CONTROLLER_HELP} Default: {BEST_CONTROLLER}. Given again: one table of all.",
         autocompletion=completing(configured),
     ),
 ]
@@ -175,7 +176,8 @@ FaultOption = Annotated[
     str,
     option(
         "--fault KIND:ENCODER@SECONDS[=AMOUNT]",
-        "Let an encoder fail: freeze, slip, drift or gain of load, motor, both or gear.",
+        "Let an encoder fail: freeze, slip, drift, gain, zero or one (a bit), noise; of load, "
+        "motor, both or gear.",
     ),
 ]
 
@@ -249,7 +251,7 @@ def simulate(
     few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
     (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
-    laws = list(dict.fromkeys(controller or ["smc"]))
+    laws = list(dict.fromkeys(controller or [BEST_CONTROLLER]))
     families = chosen_families(off, rigid=plant == "ideal")
     with counted(f"{study}, {', '.join(laws)}") as tell:
         result = simulate_off(
@@ -273,7 +275,7 @@ def simulate(
 
 @app.command()
 def passivity(
-    controller: ControllerOption = "smc",
+    controller: ControllerOption = BEST_CONTROLLER,
     plant: PlantOption = "real",
     points: Annotated[int, option("--points N", "Gains along each axis.")] = 9,
     push: Annotated[float, option("--push RAD_S", "Speed that the push gives a free hand.")] = 0.5,

@@ -14,7 +14,7 @@ from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
-from esea_gen.control.limits.monitor import monitor
+from esea_gen.control.limits.monitor import encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
@@ -105,9 +105,9 @@ EXTRAS = {
         outputs={n: f"redundancy.{n}" for n in ("apart_rad", "apart_Nm", "room_Nm")},
     ),
     "monitor": _Extra(
-        {"doubt": "monitor.doubt"},
+        {"doubt": "monitor.doubt"} | {f"doubt_{x}": f"monitor_{x}.doubt" for x in SIDES},
         inputs={
-            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor.{n}_{side}")
+            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor_{side}.{n}")
             for side in SIDES
             for n in ("count", "frame_error")
         },
@@ -204,7 +204,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
-        **({"monitor": monitor(device)} if device.file.monitor else {}),
+        **(_watched(device) if device.file.monitor else {}),
         "limits": limits(device),
         "drive": drive_observer(device),
         **({"gear": gear_observer(device)} if redundant else {}),
@@ -213,6 +213,11 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "stamp": command_stamp(device),
     }
     return Base(device, blocks, inverse)
+
+
+def _watched(device: DeviceData) -> dict[str, Component]:
+    of_sides = {f"monitor_{side}": encoder_monitor(device, side) for side in SIDES}
+    return {**of_sides, "monitor": monitor(device)}
 
 
 def _blocks(

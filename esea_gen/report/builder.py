@@ -12,7 +12,7 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.errors import UserError
 from esea_gen.files import plain
-from esea_gen.report import drive, sensing
+from esea_gen.report import drive, reach, sensing
 from esea_gen.report.common import REAL_NAMES
 from esea_gen.report.findings import Findings, Say, run_board
 from esea_gen.report.page import render
@@ -31,14 +31,30 @@ class Report(Findings):
         return drive if self.device.laws else sensing
 
     @property
+    def matches(self) -> bool:
+        """Whether the C is the model's, here and on the board."""
+        return self.verification.passed and self.board.passed
+
+    @property
     def passed(self) -> bool:
         # How well a model fits or a controller follows does not enter.
-        return self.verification.passed and self.board.passed and not drive.problems(self)
+        return self.matches and not drive.problems(self)
+
+    @property
+    def mismatches(self) -> list[str]:
+        return [*verification_problems(self.verification), *self.board.problems]
 
     @property
     def problems(self) -> list[str]:
-        found = [*verification_problems(self.verification), *self.board.problems]
-        return found + drive.problems(self)
+        return self.mismatches + drive.problems(self)
+
+    def verdicts(self) -> dict[str, Any]:
+        """Two, apart: whether the C matches the model, and what the device does."""
+        ran = self.board.results
+        text = "The C matches the model" if self.matches else "The C does not match the model"
+        where = "here and on the emulated board" if ran else "here; the board was not run"
+        code = {"matches": self.matches, "text": text, "how": where, "problems": self.mismatches}
+        return {"code": code, "device": self.kind.verdict(self)}
 
     def to_dict(self) -> dict[str, Any]:
         """The findings, JSON-ready: no NaN, no time of day, no path."""
@@ -46,6 +62,7 @@ class Report(Findings):
             "device": {"name": self.device.name, "title": self.device.title},
             "content_hash": self.verification.content_hash,
             "passed": self.passed,
+            "verdicts": self.verdicts(),
             "problems": self.problems,
         }
         for section in (self.kind.HEAD, *self.kind.SECTIONS):
@@ -54,10 +71,10 @@ class Report(Findings):
         return finished
 
     def summary(self) -> list[str]:
-        problems = self.problems
+        problems, both = self.problems, self.verdicts().values()
         lines = [
-            f"{self.device.title}: {'passed' if self.passed else 'FAILED'} "
-            f"(content {self.verification.content_hash})",
+            f"{self.device.title} (content {self.verification.content_hash})",
+            *(f"{'FAILED: ' * bool(v['problems'])}{v['text']}; {v['how']}." for v in both),
             *problems[:10],
         ]
         if len(problems) > 10:
@@ -99,6 +116,7 @@ def gather(
     if device.laws:
         deflections = {}
         found["simulations"], found["yardsticks"] = drive.close_loop(device, say)
+        found["reach"] = reach.tried(device, drive.own_law(device), drive.PLANT, say)
     else:
         found["runs"], found["mapping"] = sensing.deflect(device, recording, data, say)
         deflections = {r.label: r.theta_rad for r in found["runs"]}

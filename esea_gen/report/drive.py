@@ -10,13 +10,14 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
 from esea_gen.plotting import svg
-from esea_gen.report import common
+from esea_gen.report import common, reach
 from esea_gen.report.common import REAL_NAMES, assumed, board_note, made_with
 from esea_gen.report.findings import Findings, Say
 from esea_gen.report.page import PageSection
 from esea_gen.studies.simulation import Simulation, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.judge import ROUGH_HEADS, ROUGHNESS, rough_cells
 from esea_gen.verify.verdict import Comparison
 
 YARDSTICK = "smc-published"
@@ -26,18 +27,23 @@ PLANT = "real"
 BADLY = ("unstable", "tripped", "fault", "failure")
 
 
+def own_law(device: Device) -> str:
+    """What `simulate` calls the device's controller."""
+    name, law = device.given
+    return f"{law}@{name}" if law else name
+
+
 def close_loop(device: Device, say: Say) -> tuple[dict[str, Simulation], dict[str, Simulation]]:
     """Run the experiments: with the device's controller, and as published on its plant."""
-    name, law = device.given
 
     def run(experiment: str, which: str) -> Simulation:
         say(f"{experiment}: {which}")
         return simulate(experiment, Setting(which, PLANT, default_person(experiment, PLANT)))
 
-    ours = {e: run(e, f"{law}@{name}" if law else name) for e in (*COMPARED, *ALONE)}
+    ours = {e: run(e, own_law(device)) for e in (*COMPARED, *ALONE)}
     if no_yardstick(device):
         return ours, {}
-    return ours, {e: run(e, f"{YARDSTICK}@{name}") for e in COMPARED}
+    return ours, {e: run(e, f"{YARDSTICK}@{device.given[0]}") for e in COMPARED}
 
 
 def no_yardstick(device: Device) -> str:
@@ -47,6 +53,11 @@ def no_yardstick(device: Device) -> str:
     except UserError as refused:
         return refused.what
     return ""
+
+
+def verdict(found: Findings) -> dict[str, Any]:
+    """How far the drive reaches; a run of the experiments that ended spoils it."""
+    return reach.verdict(found) | {"problems": problems(found)}
 
 
 def summary(found: Findings) -> list[str]:
@@ -104,7 +115,7 @@ def _experiments(found: Findings) -> dict[str, Any]:
             ours, theirs = case["rms_true_Nm"], beside["rms_true_Nm"]
             row: dict[str, Any] = {"experiment": name, "case": case["name"]}
             row |= {k: case[k] for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "unstable")}
-            row["limited_share"] = case.get("limited_share")
+            row |= {k: case.get(k) for k in ("limited_share", *ROUGHNESS)}
             row |= {"printed_rms_true_Nm": theirs, "printed_unstable": beside["unstable"]}
             row["ratio"] = ours / theirs if ours is not None and theirs else None
             rows.append(row | {"thesis_rms_Nm": thesis})
@@ -116,7 +127,9 @@ def _figures(found: Findings) -> dict[str, Any]:
     captions = {name: s.study.title for name, s in found.simulations.items()}
     done = found.simulations.items()
     figures = {name: svg(s.figure(), f"drive-{name}", captions[name]) for name, s in done}
-    return {"captions": captions, "figures": figures, "compared": COMPARED, "yardstick": YARDSTICK}
+    content: dict[str, Any] = {"captions": captions, "figures": figures, "compared": COMPARED}
+    rough = {"rough_heads": ROUGH_HEADS, "rough": rough_cells}
+    return content | rough | {"yardstick": YARDSTICK}
 
 
 def _response(found: Findings) -> dict[str, Any]:
@@ -182,8 +195,8 @@ def _notes(found: Findings) -> dict[str, Any]:
         "device file as a real one does (friction, gear, cable, 12 bit encoders). One seed; "
         "esea-gen simulate runs many.",
         _yardstick_note(found),
-        "An unstable run of the device's controller fails this page; the size of an error does "
-        "not.",
+        "Exit code 0: the C matches the model, and no run of the device's controller was unstable "
+        "or ended early. The size of an error does not enter.",
         *board_note(found),
     ]
     return {"notes": notes, **made_with(found)}

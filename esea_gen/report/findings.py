@@ -153,6 +153,7 @@ class Findings:
     mapping: MappingFile | None = None
     simulations: dict[str, Simulation] = field(default_factory=dict)
     yardsticks: dict[str, Simulation] = field(default_factory=dict)
+    reach: tuple[dict[str, Any], ...] = ()  # of a drive: what it was tried on
 
     @property
     def same_specimen(self) -> bool:

@@ -8,6 +8,7 @@ from esea_gen.devices.fields import field_facts
 from esea_gen.emit.build import device_hash
 from esea_gen.files import plain
 from esea_gen.identify import Identification
+from esea_gen.identify.family.choice import THESIS
 from esea_gen.identify.identified import Identified
 from esea_gen.identify.published.space import place_of
 from esea_gen.plotting import svg
@@ -17,9 +18,8 @@ from esea_gen.report.page import PageSection, render
 
 def identification_page(result: Identified) -> str:
     content = plain(result.to_dict(), null=True) | {"content_hash": device_hash(result.device)}
-    content["command"] = f"esea-gen identify {content['mapping']}"
-    if "model" in content:
-        content["command"] += f' --model "{content["model"]["member"]}"'
+    model = f'"{content["model"]["member"]}"' if "model" in content else THESIS
+    content["command"] = f"esea-gen identify {content['mapping']} --model {model}"
     parameters = [
         {"key": key, "meaning": field_facts(place_of(key))["text"], **p}
         for key, p in content.get("parameters", {}).items()

@@ -132,6 +132,25 @@ def _head(found: Findings) -> dict[str, Any]:
     return {"worst": {real: _worst(found, real) for real in REAL_NAMES}}
 
 
+def verdict(found: Findings) -> dict[str, Any]:
+    """How well the sensor reads: the largest error against a torque that was measured."""
+    full = found.device.tau_full_scale_Nm
+    fit = _fit(found)
+    for role, words in (("held_out", "held-out cycles"), ("training", "cycles of the training")):
+        sets = [s[role] for s in fit["sets"] if s[role] is not None] if fit else []
+        if fit and sets:
+            error = max(s["max_Nm"] for s in sets)
+            text = f"The sensor reads {full:.3g} Nm within {error:.2g} Nm"
+            how = f"largest error on {words} of the recording; "
+            how += f"RMS {fit['mean_rms_percent'][role]:.2g} % of full scale"
+            break
+    else:
+        text, error = "How well the sensor reads is not known", None
+        how = "no torque measured on this device was given"
+    content = {"range_Nm": full, "largest_Nm": error, "problems": []}
+    return {"text": text, "how": how, "whole": error is not None} | content
+
+
 def summary(found: Findings) -> list[str]:
     lines = [
         f"{REAL_NAMES[real]}: worst error {w['percent']:.2g} % of full scale "

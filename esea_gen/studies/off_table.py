@@ -16,12 +16,13 @@ from esea_gen.errors import UserError
 from esea_gen.plotting import INK
 from esea_gen.studies.simulation import Simulation, csv_lines, simulate
 from esea_gen.twin.case import Setting
+from esea_gen.twin.judge import ROUGH_HEADS, ROUGHNESS, rough_cells
 from esea_gen.twin.off import off_families
 
 SWINGING_NM = 0.15  # RMS of the true error above 4 Hz from which a run counts as swinging
 ENDINGS = {k: k for k in ("unstable", "swinging", "tripped")}
 ENDINGS |= {"fault": "latched", "failed": "failed"}
-MEDIANS = ("rms_true_Nm", "rms_above_4Hz_Nm")
+MEDIANS = ("rms_true_Nm", "rms_above_4Hz_Nm", *ROUGHNESS)
 
 
 def _by_seed(entries: Sequence[dict[str, Any]], key: str) -> list[float]:
@@ -98,7 +99,8 @@ class OffTable:
             f"simulated; "
             f"medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
             f"{'off':18}{'controller':14}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"
-            "  of the runs",
+            + "".join(f"{h:>12}" for h in ROUGH_HEADS)
+            + "  of the runs",
         ]
         for row in self.rows():
             cells = [row["rms_true_Nm"], row["rms_true_Nm_worst"], row["rms_above_4Hz_Nm"]]
@@ -107,6 +109,7 @@ class OffTable:
             lines.append(
                 f"{row['off']:18}{row['controller']:14}"
                 + "".join(f"{x:>{w}.4f}" for x, w in zip(numbers, (10, 9, 12), strict=True))
+                + "".join(f"{c:>12}" for c in rough_cells(row))
                 + f"  {', '.join(ends)}".rstrip()
             )
         if any(row[k] for row in self.rows() for k in ("tripped", "fault")):

@@ -33,7 +33,17 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
-from esea_gen.twin.judge import ENCODER_FAULT, ENDED, FIGURES, desired_torque, fault_figures, judge
+from esea_gen.twin.judge import (
+    ENCODER_FAULT,
+    ENDED,
+    FIGURES,
+    ROUGH_HEADS,
+    ROUGHNESS,
+    desired_torque,
+    fault_figures,
+    judge,
+    rough_cells,
+)
 from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.off import NOTHING, deviation, off_families, refuse_unknown
 from esea_gen.twin.run import (
@@ -78,11 +88,11 @@ class ClosedLoopStudy(Study):
         """A line a case, of the medians over the seeds."""
         s, runs = done.setting, len(done.seeds)
         off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
-        heads = ["RMS true", "RMS model", "max true", "thesis", "limited"]
+        heads = ["RMS true", "RMS model", "max true", "thesis", "limited", *ROUGH_HEADS]
         lines = [
             f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
             f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
-            f"{'case':32}" + "".join(f"{h:>11}" for h in heads + ["of largest"] * self.normalised),
+            f"{'case':32}" + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
         ]
         for name, entries in done.by_case().items():
             lines += _case_lines(name, entries, self.normalised)
@@ -154,13 +164,14 @@ def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> l
         found = [e[key] for e in entries if e.get(key) is not None]
         return float(np.median(found)) if found else math.nan
 
-    row = "".join(f"{median(k):>11.4f}" for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
+    row = "".join(f"{median(k):>12.4f}" for k in ("rms_true_Nm", "rms_model_Nm", "max_true_Nm"))
     thesis = entries[0]["thesis_rms_Nm"]
-    row += f"{thesis:>11.3f}" if thesis else f"{'-':>11}"
-    row += f"{100 * median('limited_share'):>10.1f}%"
+    row += f"{thesis:>12.3f}" if thesis else f"{'-':>12}"
+    row += f"{100 * median('limited_share'):>11.1f}%"
+    row += "".join(f"{c:>12}" for c in rough_cells({k: median(k) for k in ROUGHNESS}))
     if normalised:
         share = median("rms_normalised")
-        row += f"{'-':>11}" if math.isnan(share) else f"{100 * share:>10.1f}%"
+        row += f"{'-':>12}" if math.isnan(share) else f"{100 * share:>11.1f}%"
     words = {k: text.upper() if k == SHOUTED else text for k, text in ENDED.items()}
     words |= {"ran_away": "left the plant's ranges", "failure": "failed"}
     counts = [(sum(bool(e.get(k)) for e in entries), text) for k, text in words.items()]

@@ -30,7 +30,7 @@ from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
-from esea_gen.twin.judge import ENDED, judge
+from esea_gen.twin.judge import ENDED, ROUGH_HEADS, ROUGHNESS, judge, rough_cells
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import PLANT_NAMES, run_case
 
@@ -44,7 +44,9 @@ class Trial:
     rms_Nm: float
     overshoot_percent: float
     reach_percent: float  # 100: the desired amplitude, at the extremes on average
-    roughness_Nm_s: float
+    command_above_20Hz_Nm: float
+    noise_above_5Hz_Nm: float
+    rate_limited_share: float
     surface_rad_s: float
     outside_share: float  # of the time with abs(s) > phi; NaN without a surface
     limited_share: float
@@ -97,9 +99,8 @@ def run_trial(
         "rms_Nm": figures["rms_true_Nm"],
         "overshoot_percent": over,
         "reach_percent": reach,
-        "roughness_Nm_s": figures["roughness_Nm_s"],
         "limited_share": figures["limited_share"],
-    } | {k: figures[k] for k in ENDED}
+    } | {k: figures[k] for k in (*ROUGHNESS, *ENDED)}
     if "surface_rad_s" in run.controller:
         s = np.abs(run.controller["surface_rad_s"][case.trajectory.window])
         phi = tunables.get("smc", {}).get("phi_rad_s", tunables_of(controller)[PHI].default)
@@ -220,24 +221,24 @@ class TunableSweep:
 
     def table(self) -> list[str]:
         held = ", ".join(f"{k} = {v:g}" for k, v in self.held.items())
-        heads = ("RMS Nm", "overshoot", "reach", "rough Nm/s", "max |s|", "|s| > phi", "limited")
+        heads = ("RMS Nm", "overshoot", "reach", "max |s|", "|s| > phi", "limited", *ROUGH_HEADS)
         lines = [
             f"{self.parameter}{f', {held} held' if held else ''}",
-            f"{'value':>10}" + "".join(f"{h:>11}" for h in heads),
+            f"{'value':>10}" + "".join(f"{h:>12}" for h in heads),
         ]
         columns = (
             ("rms_Nm", 1, ".4f", ""),
             ("overshoot_percent", 1, ".1f", " %"),
             ("reach_percent", 1, ".1f", " %"),
-            ("roughness_Nm_s", 1, ".2f", ""),
             ("surface_rad_s", 1, ".3f", ""),
             ("outside_share", 100, ".2f", " %"),
             ("limited_share", 100, ".1f", " %"),
         )
         for t in self.trials:
             cells = [_cell(k * getattr(t, n), spec, unit) for n, k, spec, unit in columns]
+            cells += rough_cells(vars(t))
             mark = " <" if t is self.chosen else ""
-            line = f"{t.value:>10g}" + "".join(f"{c:>11}" for c in cells)
+            line = f"{t.value:>10g}" + "".join(f"{c:>12}" for c in cells)
             word, colon, reason = t.unusable.partition(": ")
             lines.append(f"{line}{mark}  {word.upper()}{colon}{reason}".rstrip())
         value = "none" if self.chosen is None else f"{self.chosen.value:g}"
@@ -303,7 +304,7 @@ class Tuning:
         sweep = self.sweeps[-1]
         gone = (math.nan,) * 3
         rows = [
-            gone if t.unusable else (t.rms_Nm, t.overshoot_percent, t.roughness_Nm_s)
+            gone if t.unusable else (t.rms_Nm, t.overshoot_percent, 1e3 * t.command_above_20Hz_Nm)
             for t in sweep.trials
         ]
         chosen = None if sweep.chosen is None else sweep.chosen.value
@@ -410,7 +411,7 @@ def tune(
 ROWS = (
     ("RMS error,\nN·m", MODEL),
     ("overshoot, %", MEASURED),
-    ("roughness,\nN·m/s", ROUNDING),
+    ("command above\n20 Hz, mN·m", ROUNDING),
 )
 
 

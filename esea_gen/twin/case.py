@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = 0, 1, 2
@@ -22,7 +23,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Setting:
-    controller: str = "smc"
+    controller: str = BEST_CONTROLLER
     plant: str = "real"
     person: str = "none"
     real: str = "f32"

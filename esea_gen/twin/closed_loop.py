@@ -25,7 +25,7 @@ from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System
 from esea_gen.model.sensing import of_axis, zeros_missing
 from esea_gen.twin.encoders import ENCODERS
-from esea_gen.twin.faults import KINDS, EncoderFault
+from esea_gen.twin.faults import BITS, KINDS, EncoderFault
 from esea_gen.twin.hand_plant import grouped, prepared, twin_system
 from esea_gen.twin.loop_run import Array, ClosedLoopRun, RanAwayError
 from esea_gen.twin.people import PlantVariant
@@ -432,6 +432,12 @@ class ClosedLoop:
             wrong.amount = fault.amount
             first = len(fault.sides) * (self.axes.index(axis) if axis else 0)
             wrong.sides[first : first + len(fault.sides)] = fault.sides
+            for on, (count, _, full, _) in zip(wrong.sides, self._encoders(), strict=True):
+                if on and fault.kind in BITS and 2**fault.amount >= float(full):
+                    raise UserError(
+                        f"{fault}: {count} has {math.log2(float(full)):g} bits.",
+                        "Give a lower bit, from 0 on.",
+                    )
         return wrong
 
     def _result(self, record: Array) -> ClosedLoopRun:

@@ -14,10 +14,11 @@ KINDS = {
     "slip": (0.0838, "rad", "the reading jumps once"),
     "drift": (0.05, "rad/s", "the reading moves away at a steady rate"),
     "gain": (0.8, "", "what is moved from now on is read times this"),
-    "zero": (3.0, "", "this bit of the count is 0, the lowest being 0"),
-    "one": (3.0, "", "this bit of the count is 1, the lowest being 0"),
+    "zero": (3.0, "", "this bit of the count, from 0 on, is 0"),
+    "one": (3.0, "", "this bit of the count, from 0 on, is 1"),
     "noise": (0.008, "rad", "white noise of this effective value is added"),
 }
+BITS = ("zero", "one")
 SIDES = {
     "load": ("load",),
     "motor": ("motor",),
@@ -67,7 +68,10 @@ def parse_fault(text: str) -> EncoderFault:
     if found["amount"] is not None:
         if kind == "freeze":
             raise UserError(f"'{text}': a frozen encoder has no amount.", "Leave it out.")
-        amount = _number(text, "amount", found["amount"], -10.0, 10.0)
+        low, high = (0.0, 23.0) if kind in BITS else (-10.0, 10.0)
+        amount = _number(text, "amount", found["amount"], low, high)
+        if kind in BITS and amount % 1:
+            raise UserError(f"'{text}': a bit's number is whole.", "Give one from 0 on.")
     return EncoderFault(kind, found["side"], at_s, amount)
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import numpy as np
 
+from esea_gen.control.limits.faults import limit_status
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.twin.case import IMPEDANCE, Case
@@ -22,7 +26,9 @@ FIGURES = (
     "fault",
     "fault_reason",
     "limited_share",
-    "roughness_Nm_s",
+    "command_above_20Hz_Nm",
+    "noise_above_5Hz_Nm",
+    "rate_limited_share",
     "largest_desired_Nm",
     "rms_normalised",
     "missed_runs",
@@ -35,6 +41,12 @@ ENCODER_FAULT = (
     "peak_torque_Nm",
     "energy_J",
 )
+ROUGHNESS = ("command_above_20Hz_Nm", "noise_above_5Hz_Nm", "rate_limited_share")
+# What a table of errors shows of them: heads, factors and units.
+ROUGH_HEADS = ("cmd >20 Hz", "noise >5 Hz", "rate limit")
+ROUGH_UNITS = ((1e3, ".1f", " mNm"), (1e3, ".1f", " mNm"), (1e2, ".1f", " %"))
+COMMAND_HZ, NOISE_HZ = 20.0, 5.0  # no person follows; nor is there a wanted torque, in the studies
+RATE_LIMITED = 1 << [f.name for f in limit_status(1.0).flags].index("RATE_LIMITED")
 AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
 SWINGS_HZ = 4.0  # above what a person wants; the drive swings on its cable beyond
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
@@ -62,15 +74,36 @@ def above(values: Array, cutoff_Hz: float = SWINGS_HZ) -> Array:
     return np.asarray(sosfiltfilt(high, values))
 
 
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def roughness(u_Nm: Array, error_Nm: Array, limits_status: Array) -> dict[str, float]:
+    """How rough a drive runs, sampled at 1 kHz.
+
+    The command above 20 Hz, the torque above 5 Hz that the wanted one does not have, and the share
+    of the time in which the limits' rate holds the command back.
+    """
+    acts = (np.asarray(limits_status).astype(np.int64) & RATE_LIMITED) > 0
+    values = rms(above(u_Nm, COMMAND_HZ)), rms(above(error_Nm, NOISE_HZ)), float(np.mean(acts))
+    return dict(zip(ROUGHNESS, values, strict=True))
+
+
+def rough_cells(figures: Mapping[str, float | None]) -> list[str]:
+    """The three measures as a table shows them; a dash where one is not known."""
+    known = [figures.get(k) for k in ROUGHNESS]
+    return [
+        "-" if x is None or math.isnan(x) else f"{factor * x:{form}}{unit}"
+        for x, (factor, form, unit) in zip(known, ROUGH_UNITS, strict=True)
+    ]
+
+
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
     w = case.trajectory.window
     desired = desired_torque(case, run)
     true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired
     speed = np.max(np.abs(run.plant["omega_g_rad_s"]))
     u = run.controller["u_Nm"][w]
-
-    def rms(a: Array) -> float:
-        return float(np.sqrt(np.mean(np.square(a))))
 
     worst = float(np.max(np.abs(true[w])))
     limits = PLANTS.unstable
@@ -83,7 +116,7 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
         "tripped": float(np.max(run.plant["tripped"]) > 0),
         "fault": float(np.max(run.controller["fault"][w]) > 0),
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
-        "roughness_Nm_s": rms(np.diff(u)) * RATE_HZ,
+        **roughness(u, true[w], run.controller["limits_status"][w]),
     }
     if (latched := np.flatnonzero(run.controller["fault"][w])).size:
         out["fault_reason"] = float(run.controller["fault"][w][latched[0]])

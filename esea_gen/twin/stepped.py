@@ -187,6 +187,10 @@ class SteppedPlant(SteppedTwin):
         """Of :meth:`truth` what a run needs every tick: torque on the limb, the limb's speed."""
         return float(self._plant.tau_e_Nm), float(self._plant.omega_l_rad_s)
 
+    def angle_rad(self) -> float:
+        """Of :meth:`truth` the limb's angle."""
+        return float(self._plant.theta_l_rad)
+
     def _seen(self, counts: Mapping[str, int]) -> tuple[int, int, int]:
         turned = self._turned
         motor, load, gear = (-x % turned[n] if n in turned else x for n, x in counts.items())

@@ -1,11 +1,10 @@
-"""What an encoder's fault does before it is found, and how often none is found by mistake.
+"""How often a fault of an encoder is found by mistake.
 
     python -m tests.benchmarks.encoder_faults --plants 200
 
-Everything is simulated: the generated f32 C of the shipped controllers in closed loop with the
-standard plants and people.  The first table has random plants and people without a fault: how near
-the comparisons of the Block ``redundancy`` come to their limits.  The second has, by fault, the
-worst over controllers and cases on the standard plant.
+Everything is simulated: the generated f32 C of the shipped controllers in closed loop with random
+plants and people without a fault: how near the comparisons of the Block ``redundancy`` come to
+their limits.  What faults do: ``esea-gen faults elbow_drive --table encoders``.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from scipy import stats
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.studies.registry import load_study
-from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate_case
+from esea_gen.studies.simulation import ClosedLoopStudy, default_person
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.loop_run import RanAwayError
@@ -36,14 +35,6 @@ CASES = (
     ("backdriven", "0.1 Hz"),
     ("backdriven", "0.25 Hz"),
 )
-FAULTS = (
-    *("freeze:load", "freeze:motor", "freeze:both", "freeze:gear"),
-    *("slip:load=0.05", "slip:load=0.0838", "slip:load=0.3", "slip:motor=0.0838"),
-    *("slip:both=0.0838", "slip:gear=0.03", "drift:load=0.02", "drift:load=0.05"),
-    *("drift:load=0.5", "drift:motor=0.05", "drift:both=0.05", "drift:gear=0.05"),
-    *("gain:load=0.8", "gain:load=1.2", "gain:motor=0.8", "gain:both=0.8", "gain:gear=0.8"),
-)
-AT_S = (4.0, 7.3)  # in two phases of the motion
 SETTLED_S = 0.1
 HOURS = 1000.0
 
@@ -112,68 +103,12 @@ def run_all(fn: Any, cases: list[dict[str, Any]], jobs: int) -> list[Any]:
     return [r.values for r in done.results]
 
 
-def fault_rows(faults: Sequence[str], seeds: int, jobs: int) -> list[dict[str, Any]]:
-    """By fault: the worst over controllers, cases, times and seeds.
-
-    return: ``fault``, ``runs``, ``found``; ticks, torque then, peak torque and energy, each the
-        largest; ``unfound_...`` of the runs in which it was not found.
-    """
-    cases = []
-    for text in faults:
-        kind, _, amount = text.partition("=")
-        for at_s in AT_S:
-            fault = f"{kind}@{at_s:g}" + (f"={amount}" if amount else "")
-            cases += [
-                {
-                    "study": study, "case": case, "seed": seed, "controller": controller,
-                    "plant": "real", "person": default_person(study, "real"), "real": "f32",
-                    "fault": fault,
-                }
-                for study, case in CASES
-                for controller in CONTROLLERS
-                for seed in range(seeds)
-            ]  # fmt: skip
-    results = run_all(simulate_case, cases, jobs)
-    rows = []
-    per = len(cases) // len(faults)
-    for k, text in enumerate(faults):
-        good = [r for r in results[k * per : (k + 1) * per] if "ran_away" not in r]
-        found = [r for r in good if "detected_ticks" in r]
-        lost = [r for r in good if "detected_ticks" not in r]
-        row = {"fault": text, "runs": len(good), "found": len(found)}
-        for key in ("detected_ticks", "torque_then_Nm", "peak_torque_Nm", "energy_J"):
-            row[key] = max((r[key] for r in found), default=None)
-        row["unfound_torque_Nm"] = max((r["peak_torque_Nm"] for r in lost), default=None)
-        row["unfound_energy_J"] = max((r["energy_J"] for r in lost), default=None)
-        rows.append(row)
-    return rows
-
-
-def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    heads = (
-        "fault", "found", "after, ticks", "torque then, Nm", "peak, Nm", "energy, J",
-        "not found: peak, Nm", "energy, J",
-    )  # fmt: skip
-    keys = (
-        ("detected_ticks", 0), ("torque_then_Nm", 1), ("peak_torque_Nm", 1), ("energy_J", 1),
-        ("unfound_torque_Nm", 1), ("unfound_energy_J", 1),
-    )  # fmt: skip
-    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
-    for r in rows:
-        cells = [str(r["fault"]), f"{r['found']} of {r['runs']}"]
-        cells += ["–" if r[k] is None else f"{r[k]:.{places}f}" for k, places in keys]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=200, help="random plants and people")
-    parser.add_argument("--seeds", type=int, default=1, help="standard plants a fault")
-    parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     parser.add_argument("--jobs", type=int, default=-1, help="parallel processes; -1: all cores")
     chosen = parser.parse_args()
-    for controller in CONTROLLERS if chosen.plants else ():
+    for controller in CONTROLLERS:
         cases = [
             {"study": study, "case": case, "seed": seed, "controller": controller}
             for study, case in CASES
@@ -187,7 +122,6 @@ def main() -> None:
             f"{HOURS:.0f} h",
             flush=True,
         )
-    print("\n".join(table(fault_rows(chosen.faults, chosen.seeds, chosen.jobs))))
 
 
 if __name__ == "__main__":

@@ -213,6 +213,8 @@ OTHER_CAUSES = [
     ("clock_ok", 0.0, Fault.CLOCK, "CLOCK"),
     ("late_level", 129.0, Fault.LATE, "LATE"),
     ("coeffs_ok", 0.0, Fault.COEFFICIENTS, "COEFFICIENTS"),
+    *(("doubt", float(k), Fault(15 + k), Fault(15 + k).name) for k in (1, 2, 3)),
+    ("doubt", 0.5, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("mode", 1.5, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("rearm", 1.5, Fault.INPUT_INVALID, "INPUT_INVALID"),
     ("u_command_Nm", 0.9, Fault.INPUT_INVALID, "INPUT_INVALID"),
@@ -401,6 +403,7 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
         stream_of([("drive", AT, 90), ("command", 3), ("rearm", 200, 1)]),
         with_value("clock_ok", 0), with_value("late_level", 255), with_value("coeffs_ok", 0),
         with_value("omega_motor_rad_s", 9.5, 60), with_value("omega_motor_rad_s", -9.5, 60),
+        *(with_value("doubt", k) for k in (1, 2, 3)),
     ]  # fmt: skip
     for end in (2.49, -0.14):
         x = calm()

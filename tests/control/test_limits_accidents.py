@@ -50,6 +50,7 @@ def accident(
             clock_ok=1.0,
             late_level=0.0,
             coeffs_ok=1.0,
+            doubt=0.0,
             theta_rad=seen_m - seen_l,
             theta_motor_rad=seen_m,
             omega_motor_rad_s=0.0 if lies.get("motor") else wm,

@@ -196,7 +196,8 @@ def test_identified_spread_is_the_identifications_own(tmp_path):
     mapping = tmp_path / "map.toml"
     text = (DATA / "hdrb.toml").read_text() + "\n[search]\npopulation = 16\n"
     mapping.write_text(text, encoding="utf-8")
-    arguments = ["identify", str(mapping), "--data", str(DATA), "--out", str(tmp_path)]
+    arguments = ["identify", str(mapping), "--model", "published"]
+    arguments += ["--data", str(DATA), "--out", str(tmp_path)]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
     device = load_device(tmp_path / "hdrb.toml")

@@ -93,7 +93,7 @@ def test_a_drive_that_is_off_is_passive_with_every_hand():
 def study():
     require_tool("gcc")
     hands = (Hand("light", 0.1, 0.5, 30.0), Hand("arm", 0.2, 0.5), Hand("firm", 0.4, 0.5, 300.0))
-    return study_interaction(points=2, hands=hands, sliding=False)
+    return study_interaction("smc", points=2, hands=hands, sliding=False)
 
 
 def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):

@@ -116,7 +116,7 @@ def _input_invalid(s: Step) -> str:
     bad = [
         negated(s.given(p.name).inside(Fraction(p.low), Fraction(p.high))) for p in s.block.inputs
     ]
-    for name, most in (("mode", 2), ("rearm", 7)):
+    for name, most in (("mode", 2), ("rearm", 7), ("doubt", 3)):
         bad.append(negated(some(*(s.given(name).equals(k) for k in range(most + 1)))))
     bad.append(s.given("request_ok").differs(1))
     return implied(some(*bad), s.cut)
@@ -126,6 +126,11 @@ def _input_invalid(s: Step) -> str:
 def _sensing(s: Step) -> str:
     names = ("sensing_ok", "clock_ok", "coeffs_ok")
     return implied(some(*(s.given(n).differs(1) for n in names)), s.cut)
+
+
+@_holds("a doubt cuts")
+def _doubt(s: Step) -> str:
+    return implied(s.given("doubt").differs(0), s.cut)
 
 
 @_holds("late_level above what is bridged, NaN too, cuts")
@@ -219,6 +224,7 @@ def _shown_cause(s: Step) -> str:
     flags = next(p for p in s.block.outputs if p.name == "status").flags
     names = [f.name for f in flags]
     causes = [*names[: names.index("TORQUE_CLIPPED")], "CLOCK", "LATE", "COEFFICIENTS"]
+    causes += names[names.index("COEFFICIENTS") + 1 :]
     shown = [s.flag(n) for n in causes]
     return implied(some(*shown, s.out("fault").differs(0)), s.cut)
 
@@ -285,7 +291,7 @@ def _new_reason(s: Step) -> str:
     order = [
         *("STATE_REPAIRED", "TUNABLE_INVALID", "STOPPED", "INPUT_INVALID", "SENSING_LOST"),
         *("CONTROL_STALE", "DEFLECTION", "INTERACTION_TORQUE", "SPEED", "RANGE_OF_MOTION"),
-        *("ENERGY", "CLOCK", "LATE", "COEFFICIENTS"),
+        *("ENERGY", "CLOCK", "LATE", "COEFFICIENTS", "SWINGS", "ROUGH", "STUCK_BIT"),
     ]
     earlier: list[str] = []
     claims = []

@@ -14,7 +14,7 @@ from esea_gen import load_device
 from esea_gen.board.emulator import Difference
 from esea_gen.files import plain
 from esea_gen.plotting import svg
-from esea_gen.report import builder, drive
+from esea_gen.report import builder, drive, reach
 from esea_gen.report.builder import gather
 from esea_gen.report.findings import BoardRun, run_board
 from esea_gen.studies.simulation import simulate
@@ -43,6 +43,7 @@ def findings(elbow_drive):
         # Shorter still: a drive has many Blocks.
         patch.setattr(equivalence, "streams", lambda block, seed: streams(block, seed, 200))
         patch.setattr(drive, "COMPARED", ("tuning",))
+        patch.setattr(reach, "FREQUENCIES_HZ", (1.0,))
         patch.setattr(
             builder, "run_board", lambda *_: BoardRun("none", "a board", skipped="no tool")
         )
@@ -129,6 +130,7 @@ def test_the_same_twice(findings, html):
 def test_it_passes_and_says_that_no_board_ran(findings, html):
     assert findings.passed
     assert 'class="banner passed partial"' in html
+    assert "The drive reaches 4.47 of 4.47 N·m up to 1 Hz (RMS error" in Page(html).text
     assert "skipped: no tool" in Page(html).text
     assert any("skipped: no tool" in line for line in findings.summary())
 
@@ -167,7 +169,59 @@ def test_a_failure_turns_the_banner(findings, how):
     text = failed.html()
     assert 'class="banner failed"' in text
     assert all(p in Page(text).text for p in failed.problems)
-    assert "FAILED" in failed.summary()[0]
+    # Two verdicts: a run that ended is not the C's fault, nor a wrong bit the drive's.
+    code, does = failed.summary()[1:3]
+    ended = how in ("unstable", "tripped", "fault")
+    assert failed.to_dict()["verdicts"]["code"]["matches"] is ended
+    assert [x.startswith("FAILED: ") for x in (code, does)] == [not ended, ended]
+
+
+def at(torque, frequency, followed):
+    figures = {"rms_true_Nm": 0.05, "roughness_Nm_s": 9.0}
+    return {"torque_Nm": torque, "frequency_Hz": frequency, "followed": followed} | figures
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        ((), "The drive reaches 2 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)"),
+        (
+            {(2, 1)},
+            "The drive reaches 2 of 2 Nm up to 0.5 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)",
+        ),
+        ({(1, 0.5)}, "The drive follows no torque of its 2 Nm at 0.5 Hz"),
+        (
+            {(2, 0.5)},
+            "The drive reaches 1 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)",
+        ),
+    ],
+)
+def test_the_second_verdict_counts_what_is_followed_below_and_before(findings, lost, said):
+    points = [at(t, f, (t, f) not in lost) for f in (0.5, 1) for t in (1, 2)]
+    known = replace(findings, reach=tuple(points), device=Ranged(findings.device))
+    text = reach.verdict(known)["text"]
+    more = ", 1 Nm up to 1 Hz" if lost == {(2, 1)} else ""
+    assert text == said + more
+
+
+class Ranged:
+    """A device of 2 Nm."""
+
+    def __init__(self, device):
+        self.axes, self.tau_full_scale_Nm = device.axes, 2.0
+
+
+def test_a_drive_that_errs_by_a_fifth_does_not_reach(monkeypatch, elbow_drive):
+    """Armed: the same run with a limit below its error."""
+    monkeypatch.setattr(reach, "SHARES", (0.5,))
+    monkeypatch.setattr(reach, "FREQUENCIES_HZ", (1.0,))
+    (point,) = reach.tried(elbow_drive, "elbow_drive", "real", lambda _: None)
+    share = point["rms_true_Nm"] / (point["torque_Nm"] / 2**0.5)
+    assert point["followed"]
+    assert 0 < share < reach.FOLLOWED
+    monkeypatch.setattr(reach, "FOLLOWED", 0.99 * share)
+    (point,) = reach.tried(elbow_drive, "elbow_drive", "real", lambda _: None)
+    assert not point["followed"]
 
 
 def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monkeypatch):

@@ -264,11 +264,14 @@ def test_a_failing_comparison_turns_the_banner(chirped: Report, how: str) -> Non
     assert not failed.passed
     assert not failed.to_dict()["passed"]
     text = failed.html()
-    assert 'class="banner failed"' in text
-    assert 'class="banner passed' not in text
+    assert text.count('class="banner failed"') == 1
+    assert "✓" not in text.partition('id="verdict"')[2].partition('class="cards"')[0]
     assert failed.problems
     assert all(p in Page(text).text for p in failed.problems)
-    assert "FAILED" in failed.summary()[0]
+    assert failed.summary()[1].startswith("FAILED: The C does not match the model; ")
+    assert (
+        "sensor reads is not known" in failed.summary()[2]
+    )  # what the device does is another matter
 
 
 def test_a_board_that_differs_or_dies_turns_the_banner(recorded: Report) -> None:
@@ -277,6 +280,11 @@ def test_a_board_that_differs_or_dies_turns_the_banner(recorded: Report) -> None
         require_tool("arm-none-eabi-gcc")
     assert recorded.passed
     assert recorded.board.results
+    (largest,) = [recorded.to_dict()["verdicts"]["device"]["largest_Nm"]]
+    held_out = [s["held_out"] for s in recorded.to_dict()["fit"]["sets"]]
+    assert largest == max(s["max_Nm"] for s in held_out if s)
+    said = f"The sensor reads 4.47 Nm within {largest:.2g} Nm; largest error on held-out cycles"
+    assert recorded.summary()[2].startswith(said)
     assert "every bit equal" in Page(recorded.html()).text
     label, result = next(iter(recorded.board.results.items()))
     wrong = replace(

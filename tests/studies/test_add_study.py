@@ -148,7 +148,7 @@ def test_a_plant_that_runs_away_is_unstable(monkeypatch):
 
     require_tool("gcc")
     monkeypatch.setattr(room, "run_case", leave)
-    done = simulate("tuning", Setting())
+    done = simulate("tuning", Setting("smc"))
     (entry,) = done.cases()
     assert entry["unstable"] is True
     assert entry["rms_true_Nm"] is None

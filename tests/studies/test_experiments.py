@@ -80,7 +80,7 @@ def test_predictive_control_with_preview():
 
 
 def test_json_holds_every_case_and_seed(tmp_path):
-    result = simulate("tuning", Setting(person="none"), seed=3, runs=2, folder=tmp_path)
+    result = simulate("tuning", Setting("smc", person="none"), seed=3, runs=2, folder=tmp_path)
     content = result.to_dict()
     json.dumps(content, allow_nan=False)
     assert [(c["name"], c["seed"]) for c in content["cases"]] == [
@@ -99,7 +99,7 @@ def test_json_holds_every_case_and_seed(tmp_path):
     told: list[tuple[int, int, int]] = []
     again = simulate(
         "tuning",
-        Setting(person="none"),
+        Setting("smc", person="none"),
         seed=3,
         runs=2,
         folder=tmp_path,
@@ -116,14 +116,14 @@ def test_a_journal_of_other_c_is_not_taken_up(tmp_path, monkeypatch):
     told: list[tuple[int, int, int]] = []
     arguments = {"seed": 3, "runs": 2, "folder": tmp_path, "progress": lambda *a: told.append(a)}
     monkeypatch.setattr(room, "simulate_case", quick)
-    simulate("tuning", Setting(person="none"), **arguments)
+    simulate("tuning", Setting("smc", person="none"), **arguments)
     assert (told[0], told[-1]) == ((0, 2, 0), (2, 2, 0))
     told.clear()
-    simulate("tuning", Setting(person="none"), **arguments)
+    simulate("tuning", Setting("smc", person="none"), **arguments)
     assert told[0] == (2, 2, 0)
     told.clear()
     monkeypatch.setattr(room, "files_digest", lambda files: f"one more file than {len(files)}")
-    simulate("tuning", Setting(person="none"), **arguments)
+    simulate("tuning", Setting("smc", person="none"), **arguments)
     assert told[0] == (0, 2, 0)
 
 
@@ -137,11 +137,11 @@ def quick(seed: int, **_: object) -> dict[str, float]:
 
 def test_runs_that_ended_are_counted_and_explained(monkeypatch):
     monkeypatch.setattr(room, "simulate_case", quick)
-    good = simulate("tuning", Setting(), seed=3, runs=2)
+    good = simulate("tuning", Setting("smc"), seed=3, runs=2)
     assert good.ended() == []
     assert good.to_dict()["ended_runs"] == 0
     assert not any("latched" in line for line in good.table())
-    some = simulate("tuning", Setting(), seed=4, runs=3)
+    some = simulate("tuning", Setting("smc"), seed=4, runs=3)
     assert [e["seed"] for e in some.ended()] == [5, 6]
     assert some.to_dict()["ended_runs"] == 2
     text = "\n".join(some.table())
@@ -152,10 +152,10 @@ def test_runs_that_ended_are_counted_and_explained(monkeypatch):
     (axes, *_) = picture.axes
     assert [t.get_text()[0] for t in axes.get_yticklabels()] == [CROSS]
     assert good.figure().get_supxlabel() == ""
-    none = simulate("tuning", Setting(), seed=6, runs=1)
+    none = simulate("tuning", Setting("smc"), seed=6, runs=1)
     assert "the plant left the page" in "\n".join(none.table())
     monkeypatch.setattr(room, "simulate_case", failing)
-    lost = simulate("tuning", Setting(), seed=6, runs=2)
+    lost = simulate("tuning", Setting("smc"), seed=6, runs=2)
     assert "2 of 2 runs" in "\n".join(lost.table())
     with pytest.raises(UserError, match="nothing to draw"):
         lost.figure()
@@ -204,7 +204,7 @@ def test_a_wrong_model_shows_in_the_true_torque_only():
     # The elastomer 10 % stiffer than the device file says: the sensor cannot see that.
     case = shorter(TuningCase().cases()[0], 20)
     stiff = dataclasses.replace(case, plant={"elastomer_scale": 1.1})
-    plain, wrong = (judge(c, run_case(c, Setting(), 0), 0.221) for c in (case, stiff))
+    plain, wrong = (judge(c, run_case(c, Setting("smc"), 0), 0.221) for c in (case, stiff))
     assert wrong["rms_true_Nm"] > plain["rms_true_Nm"] + 0.03
     assert wrong["rms_model_Nm"] < plain["rms_model_Nm"] + 0.03
 

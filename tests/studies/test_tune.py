@@ -37,7 +37,9 @@ def trial(value: float, **figures) -> Trial:
         "rms_Nm": 0.1,
         "overshoot_percent": 0.0,
         "reach_percent": 98.0,
-        "roughness_Nm_s": 5.0,
+        "command_above_20Hz_Nm": 0.01,
+        "noise_above_5Hz_Nm": 0.02,
+        "rate_limited_share": 0.0,
         "surface_rad_s": 1.0,
         "outside_share": 0.0,
         "limited_share": 0.0,
@@ -117,8 +119,8 @@ def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
     assert (code, error) == (0, "")
     rows = [line.split() for line in shown.splitlines()]
     (failed,) = [r for r in rows if r[:1] == ["2"]]
-    assert failed[1:8] == ["-"] * 7
-    assert " ".join(failed[8:]) == "FAILED: The compiler is gone. Install it."
+    assert failed[1:10] == ["-"] * 9
+    assert " ".join(failed[10:]) == "FAILED: The compiler is gone. Install it."
     (infinite,) = [r for r in rows if r[:1] == ["3"]]
     assert " ".join(infinite[8:]) == "FAILED: rms_Nm is inf"
     (sweep,) = json.loads(path.read_text())["sweeps"]
@@ -172,7 +174,8 @@ def test_a_steeper_surface_has_less_error_until_it_overshoots(monkeypatch, capsy
     assert middle["rms_Nm"] < 0.7 * low["rms_Nm"]
     assert high["overshoot_percent"] > 15  # softened it would be 5
     assert middle["overshoot_percent"] < 5
-    assert high["roughness_Nm_s"] > middle["roughness_Nm_s"] > low["roughness_Nm_s"]
+    rough = [t["command_above_20Hz_Nm"] for t in (high, middle, low)]
+    assert rough == sorted(rough, reverse=True)
     assert sweep["chosen"] == 15
     assert "chosen: 15; RMS error" in shown
     assert (tmp_path / "t.png").read_bytes().startswith(b"\x89PNG")

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from esea_gen.twin.case import IMPEDANCE, TORQUE
-from esea_gen.twin.judge import above, desired_torque, judge
+from esea_gen.twin.judge import above, desired_torque, judge, rough_cells
 from esea_gen.twin.published import PLANTS
 
 N = 6000
 T = np.arange(N) / 1000
 WINDOW = slice(1000, 6000)  # 5 s
 U_MAX_NM = 0.2
+RATE_LIMITED_BIT = 12  # the word's thirteenth flag, in docs/limits.md and the dialect
 
 
 def made(mode=TORQUE, **plant):
@@ -34,7 +35,11 @@ def made(mode=TORQUE, **plant):
     rest |= {"tau_e_Nm": desired + error, "omega_g_rad_s": np.zeros(N), "tripped": np.zeros(N)}
     u = np.where(np.arange(N) % 2 == 0, 0.1, -0.1)
     u[2000:2500] = -U_MAX_NM
+    limits = np.zeros(N)
+    limits[3000:3100] = 1 << RATE_LIMITED_BIT
+    limits[3200:3300] = 1 << (RATE_LIMITED_BIT - 1)
     controller = {"tau_Nm": desired + error + 0.05, "u_Nm": u, "fault": np.zeros(N)}
+    controller["limits_status"] = limits
     return case, SimpleNamespace(plant=rest | plant, controller=controller, missed_runs=0)
 
 
@@ -65,16 +70,20 @@ def test_what_is_above_4_hz_is_the_swing_and_not_the_motion():
     assert found["rms_above_4Hz_Nm"] == pytest.approx(0.3 / math.sqrt(2), rel=1e-2)
 
 
-def test_share_at_the_limit_and_roughness_of_the_command():
+def test_share_at_the_limit_and_roughness():
     case, run = made()
     found = judge(case, run, U_MAX_NM)
     assert found["limited_share"] == 500 / 5000
-    # 4999 changes a window: of 0.2 but for 499 within the limit, and 0.3 or 0.1 into and out of it.
-    into, out = (
-        abs(run.controller["u_Nm"][k] - run.controller["u_Nm"][k - 1]) for k in (2000, 2500)
-    )
-    squares = (4999 - 501) * 0.2**2 + into**2 + out**2
-    assert found["roughness_Nm_s"] == pytest.approx(1000 * math.sqrt(squares / 4999))
+    assert found["rate_limited_share"] == 100 / 5000
+    assert found["noise_above_5Hz_Nm"] == pytest.approx(0.3 / math.sqrt(2), rel=1e-2)
+    # Of two sines only the one above 20 Hz counts, and none that is as slow as a wanted torque.
+    run.controller["u_Nm"] = 0.1 * np.sin(2 * np.pi * 5 * T) + 0.02 * np.sin(2 * np.pi * 60 * T)
+    run.plant["tau_e_Nm"] = case.trajectory.tau_desired_Nm + 0.3 * np.sin(2 * np.pi * T)
+    found = judge(case, run, U_MAX_NM)
+    assert found["command_above_20Hz_Nm"] == pytest.approx(0.02 / math.sqrt(2), rel=2e-2)
+    assert found["noise_above_5Hz_Nm"] < 1e-3
+    shown = rough_cells(found | {"noise_above_5Hz_Nm": None})
+    assert [c.split()[-1] for c in shown] == ["mNm", "-", "%"]
 
 
 @pytest.mark.parametrize(("beyond", "told"), [(0.999, 0), (1.001, 1)])

@@ -211,8 +211,8 @@ def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
 def test_every_family_is_felt(name):
     # From the path's start on; 10 ms more are felt within seconds.
     case = shorter(TuningCase().cases()[0], 3)
-    plain = run_case(case, Setting(), 2)["tau_e_Nm"]
-    assert np.max(np.abs(run_case(case, Setting(off=name), 2)["tau_e_Nm"] - plain)) > 1e-3
+    plain = run_case(case, Setting("smc"), 2)["tau_e_Nm"]
+    assert np.max(np.abs(run_case(case, Setting("smc", off=name), 2)["tau_e_Nm"] - plain)) > 1e-3
 
 
 # -- what is said of it ---------------------------------------------------------------------------
@@ -326,7 +326,7 @@ def test_one_table_of_all(monkeypatch):
 
 def test_one_family_alone_is_a_study_as_ever(monkeypatch):
     monkeypatch.setattr(room, "simulate_case", quick)
-    done = simulate_off("tuning", [Setting(off="lag-x0.5")], runs=2)
+    done = simulate_off("tuning", [Setting("smc", off="lag-x0.5")], runs=2)
     assert not isinstance(done, OffTable)
     content = done.to_dict()
     assert (content["off"], content["cases"][0]["off"], content["cases"][0]["family"]) == (
@@ -336,4 +336,4 @@ def test_one_family_alone_is_a_study_as_ever(monkeypatch):
     )
     assert "off: motor's lag 0.5 times the model's" in done.table()[0]
     with pytest.raises(UserError, match="unknown family"):
-        simulate("tuning", Setting(off="everything"))
+        simulate("tuning", Setting("smc", off="everything"))

@@ -31,7 +31,15 @@ IMPOSSIBLE = {"encoder": 5, "sensor": 5, "inverse": 25, "torque_lead": 1, "passi
 BLOCKS = [
     *("encoder", "joint", "velocity", "sensor", "rate"),
     *("reference", "inverse", "setpoint_rates", "limits", "drive_observer", "human_eso"),
-    *("encoder_gear", "gear_observer", "redundancy", "passivity", "adaptation"),
+    *(
+        "encoder_gear",
+        "gear_observer",
+        "redundancy",
+        "encoder_monitor",
+        "monitor",
+        "passivity",
+        "adaptation",
+    ),
     *("torque_lead", "smoothed_setpoint", "set_trend", "sliding_mode", "stamp"),
 ]
 

@@ -61,6 +61,8 @@ def distorted(kind: str, amount: float, values, low=0.0, high=4095.0, wraps=True
         ("bit flip", 14, [8, 9, 10, 11]),  # of twelve lines the third
         ("delay", 2, [10, 11, 12, 13]),
         ("duplicate", 2, [12, 12, 14, 14]),
+        ("gain", 3.0, [14, 17, 20, 23]),  # of what it moved since
+        ("gain", -4.0, [7, 3, 4095, 4091]),  # and past the zero of a turn
     ],
 )
 def test_a_reading_is_wrong_in_the_way_that_is_said(kind, amount, want):
@@ -92,7 +94,7 @@ def test_a_round_leaves_nothing_out(drive):
     for place, all_ in zip(("state", "coefficients"), memory, strict=True):
         assert {w.name for w in all_} <= {f.word for f in found if f.place == place}
     assert {("clock", "lost ticks"), ("clock", "control starved")} <= pairs
-    assert {("link", "cut"), ("stop line", "open")} <= pairs
+    assert {("link", "cut"), ("stop line", "open"), ("operator", "stop")} <= pairs
     assert all_faults(drive, *memory, seed=0, most=2000) == found
 
 
@@ -110,6 +112,7 @@ def test_a_sound_drive_follows_to_the_end(rig, scene):
     ("fault", "bound", "reason"),
     [
         (BoardFault("stop line", "open"), 0, 0),
+        (BoardFault("operator", "stop"), TIMES_MS["STOP_OFF"][0], 0),
         (BoardFault("link", "cut"), TIMES_MS["DEADLINE"][0], 0),
         (BoardFault("clock", "lost ticks", 1), 0, 13),
         (BoardFault("clock", "control starved", 60), 25, 7),
@@ -141,7 +144,7 @@ def test_a_run_is_the_same_after_any_other(rig):
 
 def test_work_and_torque_against_a_drive_that_only_lets_itself_be_moved(rig):
     """Held output: the true torque is the elastomer's, no work is done on a joint that stands."""
-    held = next(s for s in SCENES if s.person == "none")
+    held = next(s for s in SCENES if s.name == "held at 1.7 Nm")
     felt = rig.run(held, BoardFault("stop line", "open"), AT, seed=1)
     assert felt.energy_J == pytest.approx(0.0, abs=1e-9)
     assert 0.2 < felt.peak_torque_Nm < 8

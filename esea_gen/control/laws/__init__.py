@@ -1,4 +1,4 @@
-"""The shipped control laws, one file each: a file here that defines ``LAW`` is in the table."""
+"""The shipped control laws, one file each, named as its ``LAW``; imported only when asked for."""
 
 from __future__ import annotations
 
@@ -11,17 +11,14 @@ from esea_gen.control.law import Law
 from esea_gen.control.own_law import outside_law
 from esea_gen.errors import UserError
 
-LAWS: dict[str, Law] = {
-    law.name: law
-    for found in pkgutil.iter_modules(__path__)
-    for law in [importlib.import_module(f"{__name__}.{found.name}").LAW]
-}
+LAWS = tuple(found.name for found in pkgutil.iter_modules(__path__))
 
 
 def find_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
     """A law by its name, or as :func:`outside_law` has it."""
     if text in LAWS:
-        return LAWS[text]
+        law: Law = importlib.import_module(f"{__name__}.{text}").LAW
+        return law
     if ".py:" in text:
         return outside_law(text, folder, content)
     close = difflib.get_close_matches(text, LAWS, n=1)

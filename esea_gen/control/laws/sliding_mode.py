@@ -5,7 +5,7 @@ from __future__ import annotations
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode.controller import sliding_mode
-from esea_gen.control.sliding_mode.governor import smoothed_setpoint, torque_lead
+from esea_gen.control.sliding_mode.governor import governed_wires, smoothed_setpoint, torque_lead
 from esea_gen.control.sliding_mode.linear_loop import sliding_mode_numbers
 from esea_gen.control.trend import trend
 from esea_gen.language.component import Component
@@ -34,10 +34,7 @@ def _parts(base: Base) -> Parts:
         # 200 times a second would look like steps.
         sense = {"lead": torque_lead(device), **sense, "smooth": smoothed_setpoint(device)}
         control = {"set_trend": trend(device, name="set_trend"), **control}
-        wires = _governed()
-        if device.file.passivity is not None:
-            # Damping that is added follows the limb, and is not to come late.
-            wires["lead.mode"] = "passivity.mode_ahead"
+        wires = governed_wires(device)
         followed, smoothed = "smooth", "smooth.theta_smooth_rad"
     if rate:
         wires["set_rate.theta_rad"] = smoothed
@@ -61,19 +58,6 @@ def _parts(base: Base) -> Parts:
             "k_smc_Nm": "smc.k_smc_Nm",
         },
     )
-
-
-def _governed() -> dict[str, str]:
-    # The set torque ahead, the inverse, and the set-point smoothed over the same time.
-    seen = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust", "settled")
-    found = ("delta_set_rad", "delta_rate_rad_s", "delta_acc_rad_s2")
-    return {
-        "set_trend.tau_wanted_Nm": "reference.tau_set_Nm",
-        **{f"lead.{n}": f"set_trend.{n}" for n in seen},
-        "inverse.tau_Nm": "lead.tau_led_Nm",
-        **{f"smooth.{n}": f"setpoint.{n}" for n in found},
-        "smooth.governed": "lead.governed",
-    }
 
 
 LAW = Law("sliding_mode", "Sliding mode control of the torque", _parts, "sliding_mode")

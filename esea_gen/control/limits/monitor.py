@@ -7,23 +7,32 @@ joint moves, and a motor does not swing from one of its limits to the other all 
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.safety import command_range
+from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Array, Constant, Flag, Port, around, clip, status_port
+from esea_gen.language.ports import (
+    Constant,
+    Flag,
+    Port,
+    around,
+    clip,
+    status_port,
+    threshold,
+)
 from esea_gen.language.stream import OwnStreams, Stream
-from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, SIDES, Side, step_max_counts
+from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, Side, step_max_counts
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 
 SOUND, SWINGS, ROUGH, STUCK = range(4)
 LOUDER = 2.0  # times the noise of a sound encoder: rougher is no encoder's noise
-MOST = 8.0  # times the largest second difference: what is farther counts as that
+MOST = 4.0  # largest second difference that counts: one wild frame and the next make no roughness
 SWING_S = 1.0  # decay of the count of swings
 FULL = 0.9  # of the motor's largest torque: as good as at its limit
 MEAN_TICKS = 16  # of the mean step, which tells slow from fast
@@ -33,201 +42,188 @@ LEAST_COUNTS, NOISES = 16, 32
 
 EQUATIONS = """
     [mon 1] | w_k | c_k - c{k-1} | step of the count, the short way round
-    [mon 2] | R | R + a * ((w_k - w{k-1})**2 / (1 + 6 * (2 * sigma)**2) - R) | \
-        roughness; 1 is that of twice the noise sigma, in counts, and of whole counts
-    [mon 3] | d_i | Sum(w_k, (k, 1, n)) | moved since bit i of the count changed, while slow
-    [mon 4] | Abs(d_i) | Max(2 * 2**i, 16, 32 * sigma) | at which the bit is stuck
+    [mon 2] | R | R + a * ((w_k - w{k-1})**2 / (4 + 6 * (2 * sigma)**2) - R) | \
+        roughness; 1 is that of twice the noise sigma and of a count to and fro at every tick
+    [mon 3] | d_i | Sum(Max(-2**i - 1, Min(w_k, 2**i + 1)), (k, 1, n)) | \
+        moved since bit i of the count changed, while slow
+    [mon 4] | Abs(d_i) | Max(2 * 2**i + 2, 16, 32 * sigma) | at which the bit is stuck
+"""
+SWINGING = """
     [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second
 """
 
 
-class _Watched:
-    """Numbers of one side's encoder, in counts."""
+def encoder_monitor(device: DeviceData, side: Side) -> Block:
+    """Roughness and stuck bits of one joint encoder's count."""
+    return Block.of(_EncoderMonitor(device, side))
 
-    def __init__(self, device: DeviceData, side: Side, noise_rad: float) -> None:
-        self.bits = int(device.file.encoder.resolution_bits.value)
+
+class _EncoderMonitor:
+    def __init__(self, device: DeviceData, side: Side) -> None:
+        own = section_of(device, "monitor")
+        self.h, self.bits = device.period_s, int(device.file.encoder.resolution_bits.value)
         self.full = 1 << self.bits
-        sigma = noise_rad * self.full / (2 * math.pi)
-        self.largest = math.sqrt(1 + 6 * (LOUDER * sigma) ** 2)
-        self.reach = step_max_counts(device, side) * (HELD_MAX + 1)
+        sigma = own.noise_rad.value * self.full / (2 * math.pi)
+        self.largest = math.sqrt(4 + 6 * (LOUDER * sigma) ** 2)
+        self.share = 1 - math.exp(-self.h / own.window_s.value)
+        reach = self.reach = step_max_counts(device, side) * (HELD_MAX + 1)
         # A bit that weighs more makes a step that the encoder's front end does not believe.
-        self.low = range(min(self.reach.bit_length(), self.bits))
+        self.low = range(min(reach.bit_length(), self.bits))
         least = max(LEAST_COUNTS, math.ceil(NOISES * sigma))
-        self.room = [float(max(2 << i, least)) for i in self.low]
+        self.room = [float(max((2 << i) + 2, least)) for i in self.low]
+        self.name = f"encoder_monitor_{side}"
+        self.title = f"Roughness and stuck bits of the {side}-side encoder"
+        self.equations = equations(EQUATIONS)
+        self.streams = OwnStreams(_events)
+        bits = Constant("low_bits", len(self.low), "steps of these are believed", "derived")
+        own_constants = device.constants("monitor")
+        self.constants = (*(c for c in own_constants if c.name != "swings_1_s"), bits)
+        n, most = len(self.low), max(self.room)
+        self.state = (
+            Port("followed", 0.0, 1.0, "1 when the last frame was good"),
+            Port("count_last", 0, self.full - 1, "last good count"),
+            around("step", reach, "last step, in counts", equation="[mon 1]"),
+            around("mean", reach, "mean step"),
+            Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
+            Port("ones", 0.0, 1.0, "low bits of the last count, lowest first", n),
+            Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
+        )
+        self.inputs = (
+            Port("count", 0, self.full - 1, "raw count", on_invalid="count_last"),
+            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+        )
+        self.outputs = (
+            Port("doubt", SOUND, STUCK, "0 none, 2 rough reading, 3 bit stuck"),
+            status_port(
+                "what is doubted of this encoder",
+                "count or frame word was NaN or outside its range: nothing is judged by it",
+                "the state was corrupt; watched afresh",
+                Flag("BIT_STUCK", "a bit of the count stays while the joint moves"),
+                Flag("ROUGH", "the angle is rougher than a sound encoder's noise makes it"),
+            ),
+        )
+
+    def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
+        good = label("good", ca.logic_and(guard.inputs_ok, u.frame_error < 0.5))
+        # A bad frame counts as one at rest, and the next one as the first.
+        count = ca.if_else(good, u.count, s.count_last)
+        raw = count - s.count_last
+        back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
+        now = label("now", raw + ca.if_else(raw < -self.full / 2, float(self.full), back))
+        near = ca.fabs(now) < self.reach + 0.5
+        both = ca.logic_and(good, s.followed > 0.5)
+        goes_on = label("goes_on", ca.logic_and(both, near), "two frames in a row")
+        now = ca.if_else(goes_on, now, 0.0)
+        bent = (now - ca.if_else(goes_on, s.step, 0.0)) * (1 / self.largest)
+        bent = clip(bent, -MOST, MOST)
+        roughness = s.roughness + self.share * (bent * bent - s.roughness)
+        mean = label("mean_step", s.mean + (now - s.mean) * (1 / MEAN_TICKS))
+        ones, rest = [ca.SX(0)] * self.bits, count
+        for i in reversed(range(self.bits)):
+            ones[i] = rest > (1 << i) - 0.5
+            rest = rest - ca.if_else(ones[i], float(1 << i), 0.0)
+        moved = []
+        for i, room in zip(self.low, self.room, strict=True):
+            # A leap counts as a stuck bit's, weight and one: one wild frame does not fill the room.
+            leap = float(1 << i) + 1
+            slow = ca.logic_and(goes_on, ca.fabs(mean) <= 0.5 * (1 << i))
+            on = ca.if_else(slow, clip(s.moved[i] + clip(now, -leap, leap), -room, room), 0.0)
+            held = ca.fabs(s.moved[i]) > room - 0.5  # stuck stays so until the bit changes
+            same = ca.fabs(ones[i] - s.ones[i]) < 0.5
+            moved.append(ca.if_else(same, ca.if_else(held, s.moved[i], on), 0.0))
+        full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
+        stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
+        rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
+        next_state = {
+            "followed": good,
+            "count_last": count,
+            "step": now,
+            "mean": mean,
+            "roughness": roughness,
+            "ones": ones[: len(moved)],
+            "moved": moved,
+        }
+        doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
+        return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
 
 
 def monitor(device: DeviceData) -> Block:
-    """Roughness and stuck bits of both joint encoders, and a command that swings too often."""
+    """What is doubted: of either joint encoder, or that the command swings too often."""
     return Block.of(_Monitor(device))
 
 
 class _Monitor:
     def __init__(self, device: DeviceData) -> None:
-        own = section_of(device, "monitor")
+        own, (safety, *_) = section_of(device, "monitor"), safety_sections(device)
         self.h = device.period_s
-        self.watched = {side: _Watched(device, side, own.noise_rad.value) for side in SIDES}
-        self.share = 1 - math.exp(-self.h / own.window_s.value)
+        self.u_max = threshold(safety.u_max_Nm.value)
+        self.u_step = threshold(safety.u_rate_Nm_s.value * self.h)
         self.decay, self.swing = math.exp(-self.h / SWING_S), 1 / own.swings_1_s.value
-        assert device.file.safety is not None
-        self.full_Nm = FULL * device.file.safety.u_max_Nm.value
         self.name = "monitor"
         self.title = "Whether joint encoders and motor behave as sound ones do"
-        self.equations = equations(EQUATIONS)
-        self.streams = OwnStreams(_events)
-        found = (
-            Constant(f"{side}_bits", len(w.low), "a step of theirs would be believed", "derived")
-            for side, w in self.watched.items()
-        )
-        self.constants = (*device.constants("monitor"), *found)
+        self.equations = equations(SWINGING)
+        self.streams = OwnStreams(_commands)
+        own_constants = device.constants("monitor")
+        self.constants = tuple(c for c in own_constants if c.name == "swings_1_s")
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
-            Port("followed", 0.0, 1.0, "1 when the last frames were good"),
-            Port("limit_last", -1.0, 1.0, "limit at which the motor was last"),
+            around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
+            Port("limit_last", -1.0, 1.0, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
-            *(p for side in SIDES for p in self._memory(side)),
         )
-        frame = "what is wrong with its frame; 0 when good"
         self.inputs = (
-            *(
-                p
-                for side, w in self.watched.items()
-                for p in (
-                    Port(f"count_{side}", 0, w.full - 1, f"raw count, {side} side"),
-                    Port(f"frame_error_{side}", 0, FRAME_ERROR_MAX, frame),
-                )
-            ),
+            Port("doubt_motor", SOUND, STUCK, "of the motor-side encoder"),
+            Port("doubt_load", SOUND, STUCK, "of the load-side encoder"),
             around("u_command_Nm", command_range(device), "command before the limits"),
         )
         self.outputs = (
             Port("doubt", SOUND, STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
             status_port(
                 "what is doubted",
-                "an input was NaN or outside its range: nothing is judged by it",
-                "the state was corrupt; watched afresh",
-                Flag("MOTOR_BIT_STUCK", "motor side: a bit of the count stays while it moves"),
-                Flag("LOAD_BIT_STUCK", "load side: a bit of the count stays while it moves"),
-                Flag("MOTOR_ROUGH", "motor side: the angle is rougher than noise makes it"),
-                Flag("LOAD_ROUGH", "load side: the angle is rougher than noise makes it"),
+                "an input was NaN or outside its range",
+                "the state was corrupt; counted afresh",
                 Flag("SWINGS", "the command swings from one limit to the other too often"),
             ),
         )
 
-    def _memory(self, side: Side) -> tuple[Port, ...]:
-        w, n = self.watched[side], len(self.watched[side].low)
-        most = max(w.room)
-        return (
-            Port(f"{side}_last", 0, w.full - 1, "last good count"),
-            around(f"{side}_step", w.reach, "last step", equation="[mon 1]"),
-            around(f"{side}_mean", w.reach, "mean step"),
-            Port(f"{side}_rough", 0.0, MOST**2, "roughness", equation="[mon 2]"),
-            Port(f"{side}_bits", 0.0, 1.0, "low bits of the last count, lowest first", n),
-            Port(f"{side}_moved", -most, most, "since each changed", n, equation="[mon 3]"),
-        )
-
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        frames = ca.logic_and(u.frame_error_motor < 0.5, u.frame_error_load < 0.5)
-        good = label("good", ca.logic_and(guard.inputs_ok, frames), "frames to be judged")
-        next_state, stuck, rough = {}, [], []
-        for side in SIDES:
-            own, bit, loud = self._encoder(side, s, u, good, label)
-            next_state |= own
-            stuck.append(label(f"{side}_stuck", bit, "[mon 4]"))
-            rough.append(label(f"{side}_is_rough", loud, "[mon 2]"))
-        at = ca.if_else(u.u_command_Nm > self.full_Nm, 1.0, 0.0)
-        at = ca.if_else(u.u_command_Nm < -self.full_Nm, -1.0, at)
+        followed = clip(u.u_command_Nm, s.u_last_Nm - self.u_step, s.u_last_Nm + self.u_step)
+        followed = label("u_followed_Nm", clip(followed, -self.u_max, self.u_max))
+        at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
+        at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
         swings = s.swings * self.decay + ca.if_else(swung, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
-        next_state |= {
-            "followed": good,
+        next_state = {
+            "u_last_Nm": followed,
             "limit_last": ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last),
             "swings": swings,
         }
-        doubt = ca.if_else(often, float(SWINGS), float(SOUND))
-        doubt = ca.if_else(ca.logic_or(*rough), float(ROUGH), doubt)
-        doubt = ca.if_else(ca.logic_or(*stuck), float(STUCK), doubt)
-        return next_state, {"doubt": doubt, "status": guard.status(*stuck, *rough, often)}
-
-    def _encoder(
-        self, side: Side, s: Any, u: Any, good: ca.SX, label: Labels
-    ) -> tuple[dict[str, Any], ca.SX, ca.SX]:
-        w = self.watched[side]
-        last, step, mean, rough, bits, moved = (
-            getattr(s, f"{side}_{n}") for n in ("last", "step", "mean", "rough", "bits", "moved")
-        )
-        # A bad frame counts as one at rest, and the next one as the first.
-        count = ca.if_else(good, getattr(u, f"count_{side}"), last)
-        raw = count - last
-        back = ca.if_else(raw > w.full / 2, -float(w.full), 0.0)
-        now = label(f"{side}_now", raw + ca.if_else(raw < -w.full / 2, float(w.full), back))
-        near = ca.fabs(now) < w.reach + 0.5
-        both = ca.logic_and(good, s.followed > 0.5)
-        goes_on = label(f"{side}_goes_on", ca.logic_and(both, near), "two frames in a row")
-        now = ca.if_else(goes_on, now, 0.0)
-        before = ca.if_else(goes_on, step, 0.0)
-        bent = clip((now - before) * (1 / w.largest), -MOST, MOST)
-        smoothed = mean + (now - mean) * (1 / MEAN_TICKS)
-        speed = ca.fabs(label(f"{side}_speed", smoothed, "mean step"))
-
-        ones, rest = [ca.SX(0)] * w.bits, count
-        for i in reversed(range(w.bits)):
-            ones[i] = rest > (1 << i) - 0.5
-            rest = rest - ca.if_else(ones[i], float(1 << i), 0.0)
-        way = []
-        for i, room in zip(w.low, w.room, strict=True):
-            slow = ca.logic_and(goes_on, speed <= 0.5 * (1 << i))
-            on = ca.if_else(slow, clip(moved[i] + now, -room, room), 0.0)
-            held = ca.fabs(moved[i]) > room - 0.5  # stuck stays so until the bit changes
-            same = ca.fabs(ones[i] - bits[i]) < 0.5
-            way.append(ca.if_else(same, ca.if_else(held, moved[i], on), 0.0))
-        stuck = ca.SX(0)
-        for x, room in zip(way, w.room, strict=True):
-            stuck = ca.logic_or(stuck, ca.fabs(x) > room - 0.5)
-
-        loud = rough + self.share * (bent * bent - rough)
-
-        own = {
-            "last": count,
-            "step": now,
-            "mean": smoothed,
-            "rough": loud,
-            "bits": ones[: len(w.low)],
-            "moved": way,
-        }
-        return {f"{side}_{n}": x for n, x in own.items()}, stuck, loud > 1.0
+        doubt = ca.fmax(ca.fmax(u.doubt_motor, u.doubt_load), often)
+        return next_state, {"doubt": doubt, "status": guard.status(often)}
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
-    # To and fro, slower and faster, one side after the other with each bit stuck and with noise;
-    # frames lost; a command between the limits and from one to the other.
-    ports = {p.name: p for p in block.inputs}
-    steps = 600
-    parts: list[dict[str, Array]] = []
+    # To and fro, slower and faster, sound, with each bit stuck and with noise; frames lost.
+    steps, t = 600, np.arange(600)
+    full = block.inputs[0].high + 1
+    sound = np.floor(full * (0.4 + 0.03 * np.sin(t / 80)))
+    low = next(p.size for p in block.state if p.name == "ones")
+    stuck = [sound - sound // 2**bit % 2 * 2**bit for bit in range(low)]
+    noisy = np.floor(sound + 2e-3 * full * rng.standard_normal(steps)) % full
+    count = np.concatenate([sound, *stuck, sound, noisy, sound, sound])
+    error = np.zeros(len(count))
+    lost = rng.random(steps) < 0.05
+    error[-steps:][lost] = rng.choice([1.0, np.nan], lost.sum())
+    return [Stream("sound and broken", {"count": count, "frame_error": error})]
 
-    def move(side: str = "", bit: int = -1, noise: float = 0.0, lost: bool = False) -> None:
-        t = np.arange(steps)
-        x = {n: np.zeros(steps) for n in ports}
-        for each in SIDES:
-            full = ports[f"count_{each}"].high + 1
-            count = np.floor(full * (0.4 + 0.03 * np.sin(t / 80)))
-            if each == side:
-                count = np.floor(count + noise * full * rng.standard_normal(steps)) % full
-                if bit >= 0:
-                    count = np.where(count // 2**bit % 2 == 1, count - 2**bit, count)
-            x[f"count_{each}"] = count
-        x["u_command_Nm"] = ports["u_command_Nm"].high * np.sign(np.sin(t / (12 if lost else 60)))
-        if lost:
-            x["frame_error_motor"][rng.random(steps) < 0.05] = 1
-            x["frame_error_load"][rng.random(steps) < 0.05] = np.nan
-        parts.append(x)
 
-    move()
-    for side in SIDES:
-        for p in block.state:
-            if p.name == f"{side}_bits":
-                for bit in range(p.size):
-                    move(side, bit)
-        move(side, noise=2e-3)
-        move()
-    move(lost=True)
-    return [Stream("sound and broken", {n: np.concatenate([x[n] for x in parts]) for n in ports})]
+def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
+    # A command from limit to limit, slower and faster, and each doubt of either side.
+    t = np.arange(2400)
+    high = block.inputs[-1].high
+    u = high * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
+    doubt = t // 100 % 4
+    sides = {"doubt_motor": np.where(t > 1600, doubt, 0), "doubt_load": np.where(t < 800, doubt, 0)}
+    x = {n: v.astype(float) for n, v in sides.items()}
+    return [Stream("to and fro", x | {"u_command_Nm": u})]

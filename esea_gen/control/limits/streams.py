@@ -81,7 +81,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
 
 def _faults(block: Block, rng: np.random.Generator) -> Stream:
     # Every cause, one by one, each from the released state and with a proper release behind it.
-    j = _Joint(block, 6900, rng)
+    j = _Joint(block, 7200, rng)
     t, middle = j.t, j.middle
     j.command(0.8)
     low = t["rom_min_rad"] - j.constant["rom_margin_rad"]
@@ -102,6 +102,7 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         {"coeffs_ok": 0.0},
         {"coeffs_ok": 0.5},
     ]
+    causes += [{"doubt": v} for v in (0.5, 1.0, 2.0, 3.0) if "doubt" in j.ports]
     causes += [{"theta_rad": v} for v in _above(t["theta_max_rad"])]
     causes += [{"theta_motor_rad": middle + v} for v in _above(t["theta_max_rad"])]
     causes += [{"tau_Nm": v} for v in _above(t["tau_max_Nm"])]
@@ -148,6 +149,7 @@ def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
         {"late_level": 255.0},
         {"coeffs_ok": 0.0},
     ]
+    causes += [{"doubt": 1.0}] if "doubt" in j.ports else []
     states = {p.name: p.size for p in block.state}
     injections: dict[int, dict[str, Array]] = {}
     for k, one in enumerate(causes):

@@ -163,6 +163,22 @@ def smoothed_setpoint(device: DeviceData) -> Block:
     )
 
 
+def governed_wires(device: DeviceData) -> dict[str, str]:
+    """The set torque ahead, the inverse, and the set-point smoothed over the same time."""
+    seen = ("tau_rate_Nm_s", "tau_curve_Nm_s2", "trust", "settled")
+    found = ("delta_set_rad", "delta_rate_rad_s", "delta_acc_rad_s2")
+    # Damping that is added follows the limb, and is not to come late.
+    late = {"lead.mode": "passivity.mode_ahead"} if device.file.passivity is not None else {}
+    return {
+        "set_trend.tau_wanted_Nm": "reference.tau_set_Nm",
+        **{f"lead.{n}": f"set_trend.{n}" for n in seen},
+        "inverse.tau_Nm": "lead.tau_led_Nm",
+        **{f"smooth.{n}": f"setpoint.{n}" for n in found},
+        "smooth.governed": "lead.governed",
+        **late,
+    }
+
+
 def _status(then: str) -> Port:
     invalid = f"an input was NaN or outside its range; {then}"
     return status_port("what is known of it", invalid, "the state was corrupt; started afresh")

@@ -20,6 +20,7 @@ from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Hand, hand_family
 from esea_gen.analysis.plots import cell_edges, new_figure, styled
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
+from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain
@@ -276,7 +277,7 @@ def _gains(controller: str) -> list[Tunable]:
 
 
 def study_interaction(
-    controller: str = "smc",
+    controller: str = BEST_CONTROLLER,
     plant: str = "real",
     *,
     points: int = POINTS,

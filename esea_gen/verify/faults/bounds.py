@@ -12,20 +12,23 @@ from esea_gen.errors import UserError
 from esea_gen.model.encoder import HELD_MAX
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import WANTED_EVERY
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP
 
 
 @dataclass(frozen=True)
 class LimbEnvelope:
-    """Within which the limb stays, whatever one thing breaks."""
+    """Within which the limb stays, whatever one thing breaks; the run-out of 12 Nm/rad."""
 
     torque_Nm: float
     run_out_Nm: float
     energy_J: float
 
 
-# A controller that is stuck at full torque trips at 8 Nm and runs out to 12.9 Nm, sensors sound:
-# docs/limits.md, tests/control/test_limits_accidents.py.  Nothing else may be worse.
-RUN_OUT = 1.65
+# A controller that is stuck at full torque trips at 8 Nm, sensors sound, and the drive runs out,
+# with more torque into a stiffer arm: docs/limits.md, tests/control/test_limits_accidents.py.
+# Nothing else may be worse.  Shares of the trip, by person.
+RUN_OUT = {LIMP: 1.65, COMMON: 1.65, "30 Nm/rad": 1.9, "60 Nm/rad": 2.2, "120 Nm/rad": 2.7}
+RUN_OUT |= {"250 Nm/rad": 3.4, CLAMPED: 4.5}
 
 
 def envelope(device: Device) -> LimbEnvelope:
@@ -34,7 +37,7 @@ def envelope(device: Device) -> LimbEnvelope:
     if safety is None:
         raise UserError(f"{device.origin}: no section [safety].", "Give a device with limits.")
     trip_Nm = safety.tau_max_Nm.value
-    return LimbEnvelope(trip_Nm, RUN_OUT * trip_Nm, safety.energy_J.value)
+    return LimbEnvelope(trip_Nm, RUN_OUT[COMMON] * trip_Nm, safety.energy_J.value)
 
 
 def bound_ticks(device: Device, fault: BoardFault) -> int | None:
@@ -43,6 +46,8 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
     across = control.every + control.release_ticks  # from a measurement to the limits by control
     if fault.place == "stop line":
         return 0  # looked at in every tick
+    if fault.place == "operator":
+        return TIMES_MS["STOP_OFF"][0]
     if fault.place == "link" or (fault.place == "mode" and fault.kind == "NaN"):
         # A frame with such a mode is none: nothing else comes until the deadline.
         return TIMES_MS["DEADLINE"][0]

@@ -9,7 +9,7 @@ from esea_gen.device import Device
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.errors import UserError
 from esea_gen.verify.faults.kinds import BoardFault
-from esea_gen.verify.faults.rig import FaultRig, FaultScene, Felt
+from esea_gen.verify.faults.rig import AFTER, FaultRig, FaultScene, Felt
 
 STORE = "store"
 _CURRENT = next(f.value for f in BOARD_FAULTS if f.name == "MOTOR_CURRENT")
@@ -39,14 +39,22 @@ class DrivenRig(FaultRig):
         super().__init__(device)
         self.sensors = DrivenSensors(device)
 
-    def run(self, scene: FaultScene, fault: BoardFault | None, at: int, seed: int) -> Felt:
+    def run(
+        self,
+        scene: FaultScene,
+        fault: BoardFault | None,
+        at: int,
+        seed: int,
+        after: int = AFTER,
+        run_out: int = AFTER,
+    ) -> Felt:
         """See :class:`FaultRig`; of a cut the drive is flown afterwards, and must be sound."""
         self.board.restart(blank=True)
         self.sensors.start()
         if fault is not None and fault.place == STORE:
             self._cut(fault.amount)
             fault = None
-        return super().run(scene, fault, at, seed)
+        return super().run(scene, fault, at, seed, after, run_out)
 
     def _measure(self, readings: dict[str, float]) -> None:
         sensors, board = self.sensors, self.board

@@ -12,7 +12,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.verify.faults.driven import DrivenRig, below_the_inputs
 from esea_gen.verify.faults.kinds import BoardFault
-from esea_gen.verify.faults.rig import SCENES, FaultRig
+from esea_gen.verify.faults.rig import FaultRig, scene_of
 
 # What a script cannot do: flip bits in memory, lose ticks, take time, cut power.
 _ELSEWHERE = ("clock", "state", "coefficients", "store")
@@ -71,7 +71,7 @@ def _one(
     device: Device, rigs: Sequence[FaultRig], case: dict[str, Any], board: str
 ) -> EmulatedFault:
     fault = BoardFault(case["place"], case["kind"], case["amount"])
-    scene = next(s for s in SCENES if s.name == case["scene"])
+    scene = scene_of(case)
     rig = rigs[below_the_inputs(fault)]
     rig.run(scene, fault, case["at"], case["seed"])
     taped = rig.board

@@ -115,7 +115,8 @@ def all_faults(
                 BoardFault("clock", kind, rng.choice(amounts))
                 for kind, amounts in CLOCK_KINDS.items()
             ]
-            each += [BoardFault("link", "cut"), BoardFault("stop line", "open"), *more]
+            each += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
+            each += [BoardFault("operator", "stop"), *more]
         for place, all_ in (("state", state), ("coefficients", coefficients)):
             each += [
                 BoardFault(place, "bit flip", float(rng.randrange(32)), w.name, w.byte)
@@ -131,7 +132,7 @@ class Distortion:
     def __init__(self, fault: BoardFault, low: float, high: float, wraps: bool) -> None:
         self.fault, self.low, self.high, self.wraps = fault, low, high, wraps
         self._before: list[float] = []
-        self._held = 0.0
+        self._held, self._gone = 0.0, 0.0
         self._distort: Callable[[int, float], float] = {
             "freeze": lambda age, x: self._held,
             "jump": lambda age, x: self._moved(x, fault.amount),
@@ -139,6 +140,7 @@ class Distortion:
             "sign flip": lambda age, x: self.high - (x - self.low) if wraps else -x,
             "NaN": lambda age, x: math.nan,
             "bit flip": self._flipped,
+            "gain": self._scaled,
             "drop": lambda age, x: math.nan if age < fault.amount else x,
             "delay": lambda age, x: self._before[-1 - int(fault.amount)],
             "duplicate": lambda age, x: self._before[-1 - age % int(fault.amount)],
@@ -150,6 +152,8 @@ class Distortion:
         if age < 0:
             self._held = value
             return value
+        if len(self._before) > 1:
+            self._gone += self._step(value - self._before[-2])
         return self._distort(age, value)
 
     def _moved(self, x: float, share: float) -> float:
@@ -158,6 +162,15 @@ class Distortion:
             return x
         full = self.high - self.low + 1
         return self.low + math.floor(x - self.low) % full
+
+    def _step(self, counts: float) -> float:
+        # The short way round.
+        full = self.high - self.low + 1
+        return (counts + full / 2) % full - full / 2 if self.wraps else counts
+
+    def _scaled(self, age: int, x: float) -> float:
+        moved = self._held + self.fault.amount * self._gone
+        return self._moved(moved, 0.0) if self.wraps else moved
 
     def _flipped(self, age: int, x: float) -> float:
         bit = int(self.fault.amount)

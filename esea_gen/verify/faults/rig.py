@@ -4,28 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from esea_gen.board.sim import SimBoard
+from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.device import Device
+from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.hand import SteppedHand, hand_variant
 from esea_gen.twin.people import real_plant
-from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.stepped import SteppedPlant
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, MOST_NM, StretchReflex, subject_of
 
 WANTED_EVERY = 10  # ticks from one of the host's commands to the next
 ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264
 EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
 AFTER = 800  # ticks
 TORQUE, IMPEDANCE = 1.0, 2.0
-AMPLITUDE_RAD, HERTZ = 0.5, 0.5
+STOP_LINE, OPERATOR = "stop line", "operator"  # who stops: category 0, category 1
+MOTIONS = ((0.5, 0.5), (0.26, 0.9))  # amplitude in rad and frequency in Hz: slow reaches, slices
 REST = 0.3  # what a second axis moves of that: deviation has a third of flexion's range
 
 
@@ -37,26 +40,49 @@ class FaultScene:
     person: str
     mode: float
     torque_Nm: float
+    motion: int = 0
+    halts: bool = False  # the person comes to rest, REACTS ticks after it happened
 
 
 SCENES = (
-    FaultScene("moved at 0 Nm", "uncertain", TORQUE, 0.0),
-    FaultScene("moved at 2 Nm", "uncertain", TORQUE, 2.0),
-    FaultScene("held at 1.7 Nm", "none", TORQUE, 1.7),
-    FaultScene("moved, impedance", "uncertain", IMPEDANCE, 0.0),
+    FaultScene("moved at 0 Nm", COMMON, TORQUE, 0.0),
+    FaultScene("moved at 2 Nm", COMMON, TORQUE, 2.0),
+    FaultScene("held at 1.7 Nm", CLAMPED, TORQUE, 1.7),
+    FaultScene("moved, impedance", COMMON, IMPEDANCE, 0.0),
 )
+REACTS, HALT_S = 450, 0.3
 
 
-def intended(k: int) -> dict[str, float]:
-    """Angle, speed and acceleration that the person means to have at a tick: there and back."""
+def scene_of(case: Mapping[str, Any]) -> FaultScene:
+    """Of a case: one of :data:`SCENES`, of the drawn person and to the drawn side."""
+    base = next(s for s in SCENES if s.name == case["scene"])
+    torque_Nm = case["sign"] * MOST_NM.get(case["person"], base.torque_Nm)
+    return replace(base, person=case["person"], torque_Nm=torque_Nm if base.torque_Nm else 0.0)
+
+
+def desired_Nm(scene: FaultScene, t_s: float) -> float:
+    return scene.torque_Nm * 0.5 * (1 - math.cos(2 * math.pi * 0.6 * t_s))
+
+
+def intended(k: int, motion: int = 0, halt: int | None = None) -> dict[str, float]:
+    """Angle, speed and acceleration that the person means to have: there and back, or a halt."""
     if k < ACTIVE_AT:
         return {"theta_p_rad": 0.0, "omega_p_rad_s": 0.0, "alpha_p_rad_s2": 0.0}
-    w, t = 2 * math.pi * HERTZ, (k - ACTIVE_AT) * 1e-3
+    if halt is not None and k > halt:
+        before, t = intended(halt, motion), min((k - halt) * 1e-3, HALT_S)
+        speed = before["omega_p_rad_s"]
+        return {
+            "theta_p_rad": before["theta_p_rad"] + speed * t * (1 - 0.5 * t / HALT_S),
+            "omega_p_rad_s": speed * (1 - t / HALT_S),
+            "alpha_p_rad_s2": -speed / HALT_S if t < HALT_S else 0.0,
+        }
+    rad, hertz = MOTIONS[motion]
+    w, t = 2 * math.pi * hertz, (k - ACTIVE_AT) * 1e-3
     c, s = math.cos(w * t), math.sin(w * t)
     return {
-        "theta_p_rad": AMPLITUDE_RAD * (1 - c),
-        "omega_p_rad_s": AMPLITUDE_RAD * w * s,
-        "alpha_p_rad_s2": AMPLITUDE_RAD * w * w * c,
+        "theta_p_rad": rad * (1 - c),
+        "omega_p_rad_s": rad * w * s,
+        "alpha_p_rad_s2": rad * w * w * c,
     }
 
 
@@ -65,13 +91,16 @@ class RigPlant:
 
     def __init__(self, device: Device, scene: FaultScene, seed: int, counts: Sequence[str]) -> None:
         self.axes, self.names = device.axes, counts
-        self.clamped = scene.person == "none"
+        self.clamped = scene.person == CLAMPED
+        subject = subject_of(scene.person)
+        self.person = subject.person
+        self.reflex = StretchReflex(1e-3) if subject.reflex else None
         if len(self.axes) == 1:
             self.one: SteppedPlant | None = SteppedPlant(real_plant(device, seed=seed))
-            self.person = PEOPLE[scene.person]
         else:
             self.one = None
-            self.two = SteppedHand(hand_variant(device, "real", scene.person, seed))
+            name = "none" if self.clamped else "uncertain"
+            self.two = SteppedHand(hand_variant(device, "real", name, seed))
 
     def start(self) -> Sequence[int]:
         """Counts at rest."""
@@ -82,6 +111,9 @@ class RigPlant:
     def step(self, u_Nm: Sequence[float], path: Mapping[str, float]) -> Sequence[int]:
         """One tick, every axis moved alike; the counts at its end."""
         if self.one is not None:
+            if self.reflex is not None:
+                pulled = self.reflex.moved(path["theta_p_rad"], self.one.angle_rad())
+                path = {**path, "theta_p_rad": pulled}
             self.one.intend(path)
             return self.one.step(*u_Nm)
         share = [dict(path)] + [{n: REST * x for n, x in path.items()} for _ in self.axes[1:]]
@@ -123,49 +155,68 @@ class FaultRig:
         self.board = SimBoard(device)
         self.measured, self.wanted = measured_and_wanted(device)
         self.ranges = ranges(device)
+        wanted = {x.name for x in board_roles(device.system).wanted}
+        # Of a controller with a given future; from each interval's end on.
+        self.ends_s = device_horizon(device).ends_s if "tau_preview_Nm" in wanted else ()
         self._encoders = [k for k, n in enumerate(self.measured) if n.startswith("count_")]
 
     def close(self) -> None:
         """Let go of the board."""
         self.board.close()
 
-    def run(self, scene: FaultScene, fault: BoardFault | None, at: int, seed: int) -> Felt:
-        """One run."""
+    def _distortions(self, fault: BoardFault | None) -> dict[str, Distortion]:
+        places = fault.place.split("+") if fault is not None else []
+        return {
+            p: Distortion(fault, *self.ranges[p], p.startswith("count_"))
+            for p in places
+            if fault is not None and p in self.ranges
+        }
+
+    def run(
+        self,
+        scene: FaultScene,
+        fault: BoardFault | None,
+        at: int,
+        seed: int,
+        after: int = AFTER,
+        run_out: int = AFTER,
+    ) -> Felt:
+        """One run, to ``after`` ticks beyond the fault or ``run_out`` beyond its end."""
         board = self.board
         board.restart()
         plant = RigPlant(self.device, scene, seed, [self.measured[k] for k in self._encoders])
         counts = plant.start()
-        noise = np.random.default_rng([seed, 3]).standard_normal(at + AFTER)
+        noise = np.random.default_rng([seed, 3]).standard_normal(at + after)
         noise[:ACTIVE_AT] = 0.0  # a joint that is zeroed stands still
-        wrong = None
-        if fault is not None and fault.place in self.ranges:
-            wraps = fault.place.startswith("count_")
-            wrong = Distortion(fault, *self.ranges[fault.place], wraps)
+        wrong = self._distortions(fault)
         of_link = fault is not None and fault.place in self.wanted
+        halt = at + REACTS if scene.halts else None
         cut, found, reason = False, None, 0
         tau, power = [], []
-        for k in range(at + AFTER):
+        for k in range(at + after):
+            if found is not None and k > at + found + run_out:
+                break
             now = fault is not None and k >= at
             cut = now and fault is not None and fault.place == "link"
             board.show(counts)
-            if wrong is not None and not of_link:
-                assert fault is not None
-                place = self.measured.index(fault.place)
+            for name in wrong if not of_link else ():
+                place = self.measured.index(name)
                 read = float(board.drivers[place]) if place in self._encoders else 0.0
-                board.drivers[place] = wrong(k - at, read)
+                board.drivers[place] = wrong[name](k - at, read)
             self._measure(dict(zip(self.measured, map(float, board.drivers), strict=False)))
             if k == at and fault is not None:
                 self._strike(fault)
             if not cut:
-                self._tell(scene, k, wrong if of_link else None, fault, at)
+                self._tell(scene, k, wrong if of_link else {}, at)
             self._tick(fault if now else None, k - at)
             u_Nm = board.motors_Nm if board.motor_on else (0.0,) * len(self.device.axes)
-            counts = plant.step(u_Nm, intended(k) | {"noise": float(noise[k])})
+            path = intended(k, scene.motion, halt) | {"noise": float(noise[k])}
+            counts = plant.step(u_Nm, path)
             if k >= at:
                 truth = plant.felt()
                 tau.append(max(abs(torque) for torque, _ in truth))
                 power.append(sum(torque * speed for torque, speed in truth))
-                if found is None and board.state_now not in ("ACTIVE", "ARMED"):
+                if found is None and board.state_now not in ("ACTIVE", "ARMED", "STOPPING"):
                     found, reason = k - at, int(board.lib.sim_fault())
             elif k == at - 1 and board.state_now != "ACTIVE":
                 raise UserError(
@@ -182,9 +233,7 @@ class FaultRig:
             float(np.max(work - np.minimum.accumulate(work))),
         )
 
-    def _tell(
-        self, scene: FaultScene, k: int, wrong: Distortion | None, fault: BoardFault | None, at: int
-    ) -> None:
+    def _tell(self, scene: FaultScene, k: int, wrong: dict[str, Distortion], at: int) -> None:
         # The host: zero, arm, then a command every 10 ms, of which one value may be wrong.
         board = self.board
         if k == ZERO_AT:
@@ -193,12 +242,12 @@ class FaultRig:
             board.arm()
         elif k >= ACTIVE_AT and (k - ACTIVE_AT) % WANTED_EVERY == 0:
             t = (k - ACTIVE_AT) * 1e-3
-            torque = scene.torque_Nm * 0.5 * (1 - math.cos(2 * math.pi * 0.6 * t))
+            torque = desired_Nm(scene, t)
             wanted: dict[str, Any] = {"mode": scene.mode}
             wanted |= {of_axis("tau_desired_Nm", a): torque for a in self.device.axes}
-            if wrong is not None and fault is not None:
-                place = fault.place
-                wanted[place] = wrong(k - at, wanted.get(place, 0.0))
+            if self.ends_s:
+                wanted["tau_preview_Nm"] = [desired_Nm(scene, t + end) for end in self.ends_s]
+            wanted |= {n: w(k - at, wanted.get(n, 0.0)) for n, w in wrong.items()}
             board.want(**wanted)
 
     def _measure(self, readings: dict[str, float]) -> None:
@@ -209,8 +258,10 @@ class FaultRig:
         if fault.place in ("state", "coefficients"):
             bit = int(fault.amount)
             lib.sim_flip(fault.place == "coefficients", fault.byte + bit // 8, 1 << bit % 8)
-        elif fault.place == "stop line":
+        elif fault.place == STOP_LINE:
             lib.sim_stop_line(True)
+        elif fault.place == OPERATOR:
+            self.board.stop()
 
     def _tick(self, fault: BoardFault | None, age: int) -> None:
         lib, count, controls = self.board.lib, 1, True
@@ -222,7 +273,7 @@ class FaultRig:
         lib.sim_poll()
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def rig_of(device: Device) -> FaultRig:
     """A rig of a device, built once in a process."""
     return FaultRig(device)

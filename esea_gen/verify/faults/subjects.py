@@ -28,6 +28,7 @@ def _stiff(spring_Nm_rad: float) -> Subject:
     return Subject(replace(at, spring_Nm_rad=spring_Nm_rad, damping_Nms_rad=damping), reflex=True)
 
 
+# Desired of a drive in their hands, where not 2: more throws a limp arm out of its range.
 LIMP, CLAMPED, COMMON = "limp", "clamped", "12 Nm/rad"
 SUBJECTS: Mapping[str, Subject] = {
     LIMP: Subject(
@@ -37,6 +38,7 @@ SUBJECTS: Mapping[str, Subject] = {
     **{f"{k} Nm/rad": _stiff(k) for k in (30, 60, 120, 250)},
     CLAMPED: Subject(PEOPLE["none"]),
 }
+MOST_NM = {LIMP: 0.2, CLAMPED: 1.7}
 
 
 class StretchReflex:
@@ -51,3 +53,8 @@ class StretchReflex:
         self._late.append(intended_rad - theta_rad)
         self._pull_rad += (1 - self._keep) * (self._late.popleft() - self._pull_rad)
         return intended_rad + REFLEX_SHARE * self._pull_rad
+
+
+def subject_of(name: str) -> Subject:
+    """By its name, here or in ``plants.toml``."""
+    return SUBJECTS[name] if name in SUBJECTS else Subject(PEOPLE[name])

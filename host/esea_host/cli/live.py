@@ -17,6 +17,7 @@ from rich.live import Live
 from rich.table import Table as Grid
 
 from esea_gen.cli.options import option, writable
+from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.files import plain, read_whole, write_json
@@ -304,7 +305,7 @@ def _read(path: Path) -> dict[str, float]:
 
 @app.command()
 def sim(
-    device: Annotated[str, typer.Argument(help="Such as elbow_drive or knee.")],
+    device: Annotated[str, typer.Argument(help="Or such as elbow_drive or knee.")] = BEST_DRIVE,
     tcp: Annotated[int | None, option("--tcp", "Port; 0: any.", min=0, max=65535)] = None,
     pty: Annotated[bool, option("--pty", "A pseudo terminal in place of TCP.")] = False,
     person: Annotated[

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from esea_gen.cli.options import option, writable
+from esea_gen.devices import BEST_DRIVE
 from esea_gen.errors import UserError
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
@@ -95,9 +96,7 @@ def watch_recording(
 
 @app.command()
 def demo(
-    device: Annotated[
-        str, option("--device", "Without a window one with a drive.")
-    ] = "elbow_drive",
+    device: Annotated[str, option("--device", "Without a window one with a drive.")] = BEST_DRIVE,
     headless: Annotated[bool, option("--headless", "Without a window.")] = False,
     seconds: Annotated[
         float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
@@ -118,6 +117,7 @@ def demo(
         who = f"&person={person}" if person else ""
         _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
+    from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
     from esea_host.simulated.demo import run_demo
 
     done = run_demo(
@@ -127,6 +127,8 @@ def demo(
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("every bit is the C's" if v.same else "NOT THE SAME: esea-host replay --verify")
     out.print(f"{done.report}: simulated torque error {done.rms_error_Nm:.3f} Nm rms")
+    named = zip(ROUGH_HEADS, rough_cells(done.roughness), strict=True)
+    out.print("roughness: " + ", ".join(f"{head} {cell}" for head, cell in named))
     if done.fault:
         out.print(f"the board latched a fault: {done.fault.partition(' Cure:')[0]}")
     if done.fault or not v.same:

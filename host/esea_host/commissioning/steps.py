@@ -406,8 +406,13 @@ def _swung(
     )
     bench.wait(LOOK_S)
     c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm))
-    if len(c) * bench.device.identity.tick_us * 1e-6 < LENGTH_S - 1 and not bench.device.fault():
-        raise UserError(f"The swing ended early: the board is {bench.device.state()}.", AGAIN)
+    lasted_s = len(c) * bench.device.identity.tick_us * 1e-6
+    if lasted_s < LENGTH_S - 1 and not bench.device.fault():
+        said = "".join(f" ({text})" for text in list(bench.device.texts)[-1:])
+        raise UserError(
+            f"The swing ended after {lasted_s:.1f} s: the board is {bench.device.state()}{said}.",
+            "Look at the link and at who else commands the board, and do it again.",
+        )
     return SwungMass(known.weight_Nm + arm_Nm, bench.recording(c), c["tau_Nm"])
 
 

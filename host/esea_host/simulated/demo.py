@@ -13,6 +13,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
+from esea_gen.twin.judge import ROUGHNESS, rms, roughness
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, verify
 from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard
@@ -28,6 +29,7 @@ class Demo:
     report: Path
     verdict: ReplayVerdict
     rms_error_Nm: float  # of the sensed torque, from the second cycle on
+    roughness: dict[str, float]  # likewise
     fault: str = ""  # that the board latched
 
 
@@ -68,8 +70,8 @@ def run_demo(
     with open_log(target) as log:
         say(f"{target}: {len(log[log.first_output])} ticks; computing it again")
         verdict = verify(log)
-        error_Nm = _draw(log, verdict, report)
-    return Demo(target, report, verdict, error_Nm, latched)
+        error_Nm, rough = _draw(log, verdict, report)
+    return Demo(target, report, verdict, error_Nm, rough, latched)
 
 
 def _follow(device: LockstepDevice, seconds: float) -> str:
@@ -96,7 +98,7 @@ def _follow(device: LockstepDevice, seconds: float) -> str:
     return latched
 
 
-def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
+def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str, float]]:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -112,7 +114,11 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
     twist_deg, joint_deg = np.degrees(theta_rad), np.degrees(load_rad)
     judged = on & (t_s > t_s[on][0] + 1 / WANTED_HZ if on.any() else on)
     error_Nm = (tau_Nm - desired_Nm)[judged]
-    rms_Nm = float(np.sqrt(np.mean(np.square(error_Nm)))) if judged.any() else float("nan")
+    # Nothing is judged of a torque that was asked for during less than a cycle.
+    rms_Nm, rough = float("nan"), dict.fromkeys(ROUGHNESS, float("nan"))
+    if judged.any():
+        limits = np.asarray(last[of_axis("limits_status", axis)])[judged]
+        rms_Nm, rough = rms(error_Nm), roughness(u_Nm[judged], error_Nm, limits)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9, 9.4), layout="constrained")
         torque, bend, command, acts, loop = figure.subplot_mosaic(
@@ -148,7 +154,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> float:
         )  # fmt: skip
         with written_whole(path) as scratch:
             figure.savefig(scratch, dpi=110)
-    return rms_Nm
+    return rms_Nm, rough
 
 
 def _raster(axes: Any, table: Table, word: str, flags: list[tuple[int, str]]) -> None:

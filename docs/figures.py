@@ -1,0 +1,290 @@
+"""Write the tables of measured figures into the pages: `make figures [TABLES="name ..."]`.
+
+A table is between two marks of its page; `figures.toml` has its commands and columns.  A table with
+unchanged inputs is skipped, a command that has run is not repeated, and an interrupted simulation
+is continued.  `--check` reports blocks that were edited by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import shlex
+import statistics
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+ROOT = DOCS.parent
+KEPT = ROOT / "out" / "figures"
+BLOCK = re.compile(
+    r"<!-- figures: (?P<name>[\w-]+)(?:, (?P<date>[\d-]+), inputs (?P<inputs>\w+), "
+    r"text (?P<text>\w+))? -->\n(?P<inner>.*?)<!-- end of figures -->",
+    re.DOTALL,
+)
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+ENDED = ("unstable", "tripped", "fault", "failure")
+WORDS = {"True": "yes", "False": "no", "None": "–"}
+
+
+@dataclass(frozen=True)
+class FigureColumn:
+    head: str
+    show: str  # a template for an entry, or `median` or `mean / largest` of the RMS errors
+    of: Sequence[int] = ()  # results of these commands only
+    where: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FigureTable:
+    name: str
+    commands: Sequence[str]
+    inputs: Sequence[str]  # files and folders that the commands read
+    cpu_s: float
+    how: str = "Simulated"
+    scatter: float = 0.02  # share by which a figure may differ; one unit of the last digit always
+    sample: bool = False  # regenerated in CI
+    rows: str = ""  # path of the entries in a result; `*`: of all keys
+    where: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+    columns: Sequence[FigureColumn] = ()  # none: run by hand
+
+
+@cache
+def tables() -> dict[str, FigureTable]:
+    content = tomllib.loads((DOCS / "figures.toml").read_text(encoding="utf-8"))
+    found = {}
+    for name, row in content["table"].items():
+        columns = tuple(FigureColumn(*c[:2], *c[2:]) for c in row.pop("columns", ()))
+        inputs = [p for i in row.pop("inputs", ["loop"]) for p in content["inputs"].get(i, [i])]
+        listed = row.pop("commands")
+        commands = [" ".join(c.format(**content["laws"]).split()) for c in listed]
+        found[name] = FigureTable(name, commands, inputs, columns=columns, **row)
+    return found
+
+
+# -- drawing a table ------------------------------------------------------------------------------
+
+
+class Entry(dict[Any, Any]):
+    """A dictionary that templates may ask by a number too."""
+
+    def __missing__(self, key: Any) -> Any:
+        if isinstance(key, int):
+            return self[str(key)]
+        raise KeyError(key)
+
+
+def entries(result: Any, path: Sequence[str], key: str = "") -> Iterator[Entry]:
+    if isinstance(result, list) and path and path[0].isdigit():
+        yield from entries(result[int(path[0])], path[1:], key)
+    elif isinstance(result, list) and not (result and isinstance(result[0], float)):
+        for one in result:
+            yield from entries(one, path, key)
+    elif path and path[0] == "*":
+        for name, one in result.items():
+            yield from entries(one, path[1:], f"{key}, {name}" if key else name)
+    elif path:
+        yield from entries(result[path[0]], path[1:], key)
+    else:
+        yield Entry({"key": key, **(result if isinstance(result, dict) else {"value": result})})
+
+
+def fits(entry: Mapping[str, Any], where: Mapping[str, Sequence[str]]) -> bool:
+    return all(str(entry[k]) in allowed for k, allowed in where.items())
+
+
+def errors(runs: Sequence[Mapping[str, Any]], show: str) -> str:
+    """RMS error over the seeds, of each the mean over its cases; how many runs ended early."""
+    by_seed: dict[int, list[float]] = {}
+    for e in runs:
+        if e["rms_true_Nm"] is not None:
+            by_seed.setdefault(e["seed"], []).append(e["rms_true_Nm"])
+    means = [statistics.fmean(v) for v in by_seed.values()] or [float("nan")]
+    text = f"{statistics.median(means):.3f}"
+    if show != "median":
+        text = f"{statistics.fmean(means):.3f} / {max(means):.3f}"
+    ended = sum(any(e.get(k) for k in ENDED) for e in runs)
+    return text + (f" ({ended} of {len(runs)} ended)" if ended else "")
+
+
+def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
+    path = table.rows.split(".") if table.rows else []
+    every = [(k, e) for k, result in enumerate(found) for e in entries(result, path)]
+    every = [(k, e) for k, e in every if fits(e, table.where)]
+    label = table.columns[0].show
+    rows = []
+    for name in dict.fromkeys(label.format_map(e) for _, e in every):
+        cells = []
+        for c in table.columns:
+            mine = [
+                e
+                for k, e in every
+                if label.format_map(e) == name and (not c.of or k in c.of) and fits(e, c.where)
+            ]
+            whole = c.show in ("median", "mean / largest")
+            text = errors(mine, c.show) if whole else c.show.format_map(mine[0])
+            cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
+        line = f"| {' | '.join(cells)} |"
+        for old, new in table.words.items():
+            line = line.replace(old, new)
+        rows.append(line)
+    heads = [c.head for c in table.columns]
+    return [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows]
+
+
+# -- running the commands -------------------------------------------------------------------------
+
+
+def digest(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:12]
+
+
+@cache
+def place_digest(place: str) -> str:
+    path = ROOT / place
+    files = [path] if path.is_file() else [p for p in sorted(path.rglob("*")) if p.is_file()]
+    kept = [p for p in files if "__pycache__" not in p.parts]
+    sums = [hashlib.sha256(p.read_bytes()).hexdigest() for p in kept]
+    return digest(*[f"{p.relative_to(ROOT)} {s}" for p, s in zip(kept, sums, strict=True)])
+
+
+def inputs_of(table: FigureTable) -> str:
+    drawn_as = repr((table.rows, table.where, table.words, table.columns))
+    return digest(*map(place_digest, table.inputs), *table.commands, drawn_as)
+
+
+def result_of(command: str, table: FigureTable, jobs: int) -> Any:
+    """What a command writes as JSON; of an earlier run if nothing has changed since."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    path = KEPT / f"{digest(*map(place_digest, table.inputs), command)}.json"
+    if not path.exists():
+        call = [sys.executable, "-m", "esea_gen.cli", *shlex.split(command)[1:]]
+        if command.startswith("esea-gen simulate"):
+            call += ["--resume", str(KEPT / "journal"), "--jobs", str(jobs)]
+        part = path.with_suffix(".part")
+        call += ["--json", str(part)]
+        done = subprocess.run(call, cwd=ROOT, check=False, stdout=subprocess.DEVNULL)
+        if done.returncode > 1 or not part.exists():
+            raise SystemExit(f"{table.name}: `{command}` ended with code {done.returncode}.")
+        part.rename(path)
+    return json.loads(path.read_text(encoding="utf-8"), object_hook=Entry)
+
+
+def computed(table: FigureTable, jobs: int = -1) -> list[str]:
+    return draw(table, [result_of(command, table, jobs) for command in table.commands])
+
+
+# -- the pages ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FigureBlock:
+    page: Path
+    name: str
+    date: str
+    inputs: str
+    text: str  # hash of what is between the marks
+    inner: str
+
+
+def blocks(folder: Path) -> dict[str, FigureBlock]:
+    """Every block of the pages by its name."""
+    found: dict[str, FigureBlock] = {}
+    for page in sorted(folder.glob("*.md")):
+        content = page.read_text(encoding="utf-8")
+        here = [FigureBlock(page, **m.groupdict(default="")) for m in BLOCK.finditer(content)]
+        if content.count("<!-- figures:") != len(here):
+            raise SystemExit(f"{page}: a block of figures without its end.")
+        if twice := [b.name for b in here if b.name in found]:
+            raise SystemExit(f"{page}: {', '.join(twice)} is on another page too.")
+        found |= {b.name: b for b in here}
+    return found
+
+
+def write(block: FigureBlock, lines: Sequence[str], date: str) -> None:
+    table = tables()[block.name]
+    one = len(table.commands) == 1
+    what = table.commands[0] if one else f"make figures TABLES={table.name}"
+    by_hand = "" if table.columns else ", not repeated by `make figures`"
+    inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {date}: `{what}`*", "", ""])
+    head = f"{block.name}, {date}, inputs {inputs_of(table)}, text {digest(inner)}"
+    content = block.page.read_text(encoding="utf-8")
+    mark = BLOCK.pattern.replace(r"(?P<name>[\w-]+)", f"(?P<name>{block.name})")
+    new = f"<!-- figures: {head} -->\n{inner}<!-- end of figures -->"
+    new = re.sub(mark, lambda _: new, content, flags=re.DOTALL)
+    block.page.write_text(new, encoding="utf-8")
+
+
+def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
+    for name in sorted({*found} ^ {*tables()}):
+        yield f"{name}: in a page or in figures.toml, but not in both"
+    for name, block in found.items():
+        if digest(block.inner) != block.text:
+            run = f"make figures TABLES={name}"
+            if name in tables() and not tables()[name].columns:
+                run = f"python docs/figures.py --record {name}"
+            yield f"{block.page.name}, {name}: edited by hand; run `{run}`"
+
+
+def differences(old: str, new: str, scatter: float) -> list[str]:
+    """Lines of two tables that differ by more than a share and one unit of the last digit."""
+    before, after = ([x for x in t.splitlines() if x.startswith("|")] for t in (old, new))
+    if len(before) != len(after):
+        return [f"{len(before)} lines, now {len(after)}"]
+    return [f"{a}\n  now {b}" for a, b in zip(before, after, strict=True) if apart(a, b, scatter)]
+
+
+def apart(a: str, b: str, scatter: float) -> bool:
+    if NUMBER.sub("#", a) != NUMBER.sub("#", b):
+        return True
+    pairs = zip(NUMBER.findall(a), NUMBER.findall(b), strict=True)
+    return any(abs(float(x) - float(y)) > max(scatter * float(x), digit(x)) for x, y in pairs)
+
+
+def digit(text: str) -> float:
+    """One unit of the last printed digit, with some room for rounding."""
+    mantissa, _, power = text.partition("e")
+    return float(1.01 * 10 ** (int(power or 0) - len(mantissa.partition(".")[2])))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="tables; default: all that are not current")
+    parser.add_argument("--check", action="store_true", help="report blocks edited by hand")
+    parser.add_argument("--record", action="store_true", help="date blocks that were run by hand")
+    parser.add_argument("--date", default=f"{datetime.now(UTC):%Y-%m-%d}")
+    parser.add_argument("--jobs", type=int, default=-1, help="parallel processes of a simulation")
+    chosen = parser.parse_args()
+    found = blocks(DOCS)
+    if unknown := sorted({*chosen.names} - {*found}):
+        parser.error(f"no such table: {', '.join(unknown)}; there are {', '.join(sorted(found))}")
+    if chosen.check:
+        wrong = list(problems(found))
+        print("\n".join(wrong or ["No block was edited by hand."]))
+        return bool(wrong)
+    for name in chosen.names or sorted(found, key=lambda n: tables()[n].cpu_s):
+        block, table = found[name], tables()[name]
+        if chosen.record:
+            write(block, [x for x in block.inner.splitlines() if x[:1] == "|"], chosen.date)
+        elif not table.columns:
+            print(f"{name}: run by hand, {table.cpu_s / 60:.0f} min: {'; '.join(table.commands)}")
+        elif block.inputs == inputs_of(table) and digest(block.inner) == block.text:
+            print(f"{name}: current")
+        else:
+            print(f"{name}: about {table.cpu_s:.0f} s of processor time", flush=True)
+            write(block, computed(table, chosen.jobs), chosen.date)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,205 @@
+"""Encoders that are wrong but plausible, and stops of either category, felt by everybody.
+
+Of a seed come plant, moment, desired torque (both signs), motion and law; the same for every row.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.journal import Configuration, rooms_digest
+from esea_gen.device import Device
+from esea_gen.emit.build import device_hash
+from esea_gen.emit.states import TIMES_MS
+from esea_gen.errors import UserError
+from esea_gen.verify.faults.campaign import felt_in, loaded
+from esea_gen.verify.faults.kinds import BoardFault
+from esea_gen.verify.faults.rig import (
+    EARLIEST,
+    IMPEDANCE,
+    LATEST,
+    OPERATOR,
+    REACTS,
+    STOP_LINE,
+    TORQUE,
+    FaultScene,
+)
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP, MOST_NM, SUBJECTS
+
+SEEDS = 20
+ENCODERS, STOPS = "encoders", "stops"
+# Ticks after a fault; after it was found; after a stop has switched the motor off.
+WATCHED, RUN_OUT, STOP_WATCHED = 3000, 100, 1500
+FEW = (LIMP, COMMON, "60 Nm/rad", "250 Nm/rad", CLAMPED)
+KINDS = {"slip": "jump", "drift": "ramp", "freeze": "freeze", "gain": "gain"}
+BOTH = "count_motor+count_load"
+# Rad, rad/s, and what a gain multiplies; slips and drifts to both sides.
+AMOUNTS: Mapping[str, Mapping[str, Sequence[float]]] = {
+    "freeze": dict.fromkeys(("load", "motor", "both", "gear"), (0.0,)),
+    "gain": dict.fromkeys(("load", "motor", "both", "gear"), (0.8, 1.2)),
+    "slip": {
+        "load": (0.05, 0.0838, 0.3),
+        **{"motor": (0.0838,), "both": (0.0838,), "gear": (0.03,)},
+    },
+    "drift": {
+        "load": (0.02, 0.05, 0.5),
+        **dict.fromkeys(("motor", "both", "gear"), (0.05,)),
+    },
+}
+Column = tuple[str, str]  # of the table: a row's name and a column's
+
+
+def encoder_faults(gear_ratio: float) -> dict[str, BoardFault]:
+    """By what the table calls them; amounts at the joint, as shares of an encoder's turn."""
+    found = {}
+    for kind, sides in AMOUNTS.items():
+        for side, amounts in sides.items():
+            signed = kind in ("slip", "drift")
+            for amount in (s * a for a in amounts for s in ((1, -1) if signed else (1,))):
+                turns = amount / (2 * math.pi) * (gear_ratio if side == "gear" else 1)
+                label = f"{kind}:{side}" + (f"={amount:g}" if kind != "freeze" else "")
+                place = BOTH if side == "both" else f"count_{side}"
+                found[label] = BoardFault(place, KINDS[kind], turns if signed else amount)
+    return found
+
+
+def drawn_scene(person: str, seed: int, halts: bool = False) -> FaultScene:
+    sign = (1, -1)[seed % 2] if person == CLAMPED else (0, 1, -1)[seed % 3]
+    shown = seed % 6 == 3 and person not in (LIMP, CLAMPED)
+    torque_Nm = sign * MOST_NM.get(person, 2.0)
+    return FaultScene("", person, IMPEDANCE if shown else TORQUE, torque_Nm, seed // 3 % 2, halts)
+
+
+def felt_by(
+    device: str,
+    controller: str,
+    fault: Mapping[str, Any],
+    person: str,
+    seed: int,
+    halts: bool,
+    ticks: Sequence[int],
+) -> dict[str, float]:
+    """One run, as the workers call it."""
+    at = random.Random(seed).randrange(EARLIEST, LATEST)
+    scene = drawn_scene(person, seed, halts)
+    return felt_in(loaded(device, controller), scene, BoardFault(**fault), at, seed, *ticks)
+
+
+def _encoder_cases(device: Device) -> dict[Column, dict[str, Any]]:
+    actuator = device.file.actuator
+    assert actuator is not None
+    how = {"halts": False, "ticks": (WATCHED, RUN_OUT)}
+    return {
+        (label, person): {"fault": asdict(fault), "person": person} | how
+        for label, fault in encoder_faults(actuator.gear_ratio.value).items()
+        for person in FEW
+    }
+
+
+def _stop_cases(_: Device) -> dict[Column, dict[str, Any]]:
+    stops = {0: BoardFault(STOP_LINE, "open"), 1: BoardFault(OPERATOR, "stop")}
+    return {
+        (person, f"category {k}, {f'halts after {REACTS} ms' if halts else 'goes on'}"): {
+            "fault": asdict(fault),
+            "person": person,
+            "halts": halts,
+            "ticks": (k * TIMES_MS["STOP_OFF"][0] + STOP_WATCHED, STOP_WATCHED),
+        }
+        for person in SUBJECTS
+        for k, fault in stops.items()
+        for halts in (False, True)
+    }
+
+
+def _row(name: str, key: str, parts: Mapping[str, list[Mapping[str, float]]]) -> dict[str, Any]:
+    every = [v for values in parts.values() for v in values]
+    found = [int(v["found_ticks"]) for v in every if v["found_ticks"] >= 0]
+    lost = [v["torque_then_Nm"] for v in every if v["found_ticks"] < 0]
+    return {
+        "name": name,
+        "found": f"{len(found)} of {len(every)}",
+        "latest_ticks": max(found, default=None),
+        "torque_Nm": {column: max(v[key] for v in values) for column, values in parts.items()},
+        "unfound_Nm": max(lost, default=None),
+        "energy_J": max(v["energy_J"] for v in every),
+    }
+
+
+@dataclass(frozen=True)
+class PeopleTable:
+    """The largest torque on the limb, by person; simulated, worst first."""
+
+    device: str
+    controllers: list[str]
+    seeds: int
+    what: str
+    people: list[dict[str, Any]]
+
+    def table(self) -> list[str]:
+        """Markdown."""
+        more = ("found", "latest_ticks", "unfound_Nm", "energy_J") if self.what == ENCODERS else ()
+        titles = ["latest, ticks" if k == "latest_ticks" else k.replace("_", ", ") for k in more]
+        heads = ["", *self.people[0]["torque_Nm"], *titles]
+        lines = [heads, ["---"] * len(heads)]
+        for row in self.people:
+            cells = [*row["torque_Nm"].values(), *(row[k] for k in more)]
+            shown = [f"{x:.1f}" if isinstance(x, float) else str(x or "–") for x in cells]
+            lines.append([row["name"], *shown])
+        said = f"{self.device}, {', '.join(self.controllers)}, simulated: largest torque in Nm, "
+        return ["| " + " | ".join(line) + " |" for line in lines] + [
+            f"{said}{self.seeds} seeds a row and person."
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"simulated": True, **vars(self)}
+
+
+def people_table(
+    origin: str,
+    what: str,
+    *,
+    controllers: Sequence[str] = (),
+    seeds: int = SEEDS,
+    workers: Workers | int = 1,
+    folder: Path | None = None,
+    progress: Callable[[int, int, int], None] | None = None,
+) -> PeopleTable:
+    """Run :data:`ENCODERS` or :data:`STOPS`; of several laws each has its share of the seeds."""
+    laws = list(controllers) or [""]
+    devices = [loaded(origin, law) for law in laws]
+    device = devices[0]
+    if not device.laws or len(device.axes) > 1 or device.file.redundancy is None:
+        raise UserError(
+            f"{device.origin}: no drive of one axis with the section [redundancy].",
+            "Give one, such as elbow_drive.",
+        )
+    made = (_encoder_cases if what == ENCODERS else _stop_cases)(device)
+    hashes = [device_hash(d) for d in devices]
+    done = run_cases(
+        felt_by,
+        [
+            {"device": origin, "controller": laws[k % len(laws)], "seed": k} | case
+            for k in range(seeds)
+            for case in made.values()
+        ],
+        configuration=Configuration({"code": rooms_digest(), "device": hashes}),
+        folder=folder,
+        workers=workers,
+        progress=progress,
+    )
+    rows: dict[str, dict[str, list[Mapping[str, float]]]] = {}
+    for k, result in enumerate(done.results):
+        if result.values is None:
+            raise UserError(f"{result.case}: {result.failure}", "See the message.")
+        row, column = list(made)[k % len(made)]
+        rows.setdefault(row, {}).setdefault(column, []).append(result.values)
+    key = "torque_then_Nm" if what == ENCODERS else "peak_torque_Nm"
+    people = [_row(name, key, parts) for name, parts in rows.items()]
+    people.sort(key=lambda r: -max(r["torque_Nm"].values()))
+    return PeopleTable(device.name, [n or "its law" for n in laws], seeds, what, people)

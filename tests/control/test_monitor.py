@@ -1,0 +1,173 @@
+"""What sound encoders and a sound command do not do: roughness, bits that stay, swings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from esea_gen.control.limits.monitor import encoder_monitor, monitor
+from esea_gen.device import parse_device
+from tests.single_steps import COUNT, Steps, word
+
+where = np.where
+SIGMA = 0.00105 * 4096 / (2 * math.pi)  # of the device file, in counts of 12 bits
+LARGEST = math.sqrt(4 + 6 * (2 * SIGMA) ** 2)
+ROOM = np.array([22.0, 22, 22, 22, 34, 66])[:, None]
+U = 0.221
+NONE, SWINGS, ROUGH, STUCK = range(4)
+
+
+def test_a_step_of_an_encoder_s_monitor(drive):
+    """[mon 1] to [mon 4], typed again: 12 bits, of which six are watched; 15 counts a tick."""
+
+    def together(s, u, rng):
+        near = rng.random(COUNT) < 0.9
+        step = rng.choice([0, 1, -1, 3, 9, -7, 40], COUNT)
+        u["count"][:] = np.rint(u["count"])
+        s["count_last"][near] = ((u["count"] - step) % 4096)[near]
+        u["frame_error"][rng.random(COUNT) < 0.9] = 0
+        s["mean"][:] *= rng.choice([0.001, 0.01, 0.1], COUNT)
+        s["followed"][:] = rng.random(COUNT) < 0.9
+
+    run = Steps(encoder_monitor(drive, "load"), together=together)
+    s, u = run.s, run.u
+    good = run.ok & (u.frame_error < 0.5)
+    count = where(good, u.count, s.count_last)
+    now = (count - s.count_last + 2048) % 4096 - 2048
+    on = good & (s.followed > 0.5) & (abs(now) <= 60)
+    now, before = where(on, now, 0), where(on, s.step, 0)
+    bent = np.clip((now - before) / LARGEST, -4, 4)
+    mean = s.mean + (now - s.mean) / 16
+    roughness = s.roughness + (1 - math.exp(-0.01)) * (bent**2 - s.roughness)
+    weight = 2.0 ** np.arange(6)[:, None]
+    ones = np.floor(np.rint(count) / weight) % 2
+    slow = on & (abs(mean) <= weight / 2)
+    onward = np.clip(s.moved + np.clip(now, -weight - 1, weight + 1), -ROOM, ROOM)
+    kept = where(abs(s.moved) > ROOM - 0.5, s.moved, where(slow, onward, 0))
+    moved = where(abs(ones - s.ones) < 0.5, kept, 0)
+    stuck, rough = (abs(moved) > ROOM - 0.5).any(axis=0), roughness > 1
+    run.compare(
+        {
+            "next_followed": good,
+            "next_count_last": count,
+            "next_step": now,
+            "next_mean": mean,
+            "next_roughness": roughness,
+            "next_ones": ones,
+            "next_moved": moved,
+            "y_doubt": np.select([stuck, rough], [STUCK, ROUGH]),
+            "y_status": word(~run.ok, ~run.whole, stuck, rough),
+        }
+    )
+
+
+def test_a_step_of_the_monitor(drive):
+    """[mon 5]: a rate limit of 50 Nm/s, nine tenths of 0.221 Nm, 25 in a second."""
+    run = Steps(monitor(drive))
+    s, u = run.s, run.u
+    followed = np.clip(np.clip(u.u_command_Nm, s.u_last_Nm - 0.05, s.u_last_Nm + 0.05), -U, U)
+    at = np.sign(followed) * (abs(followed) > 0.9 * U)
+    swings = s.swings * math.exp(-1e-3) + where(at * s.limit_last < -0.5, 1 / 25, 0)
+    worst = np.maximum(np.maximum(u.doubt_motor, u.doubt_load), swings > 1)
+    run.compare(
+        {
+            "next_u_last_Nm": followed,
+            "next_limit_last": where(at == 0, s.limit_last, at),
+            "next_swings": swings,
+            "y_doubt": worst,
+            "y_status": word(~run.ok, ~run.whole, swings > 1),
+        }
+    )
+
+
+# -- what is sound ---------------------------------------------------------------------------------
+
+
+def doubted(device, angle_rad, *, noise_rad=0.0, seed=0, change=lambda c: c, side="load"):
+    """Doubt, tick by tick, of an encoder at these angles, its count changed."""
+    bits = int(device.file.encoder.resolution_bits.value)
+    shaken = angle_rad + noise_rad * np.random.default_rng(seed).standard_normal(len(angle_rad))
+    count = change(np.floor(shaken * 2**bits / (2 * math.pi)) % 2**bits)
+    inputs = {"count": count, "frame_error": np.zeros(len(count))}
+    y, _ = encoder_monitor(device, side).simulator().run(inputs)
+    return y["doubt"].astype(int)
+
+
+def swung(device, u_Nm):
+    zero = np.zeros(len(u_Nm))
+    inputs = {"doubt_motor": zero, "doubt_load": zero, "u_command_Nm": u_Nm}
+    y, _ = monitor(device).simulator().run(inputs)
+    return y["doubt"].astype(int)
+
+
+def with_bits(bits: int):
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n[encoder]\n'
+    q = f'{{ value = {bits}, status = "assumed", source = "a test" }}'
+    return parse_device(f"{head}resolution_bits = {q}\n", "mine.toml")
+
+
+def motion(speed_rad_s: float, amplitude_rad: float = 0.4, seconds: float = 1.0):
+    t = 1e-3 * np.arange(round(1000 * seconds))
+    return 0.7 + amplitude_rad * np.sin(speed_rad_s / amplitude_rad * t)
+
+
+@pytest.mark.parametrize(
+    "bits", [10, 12, *(pytest.param(b, marks=pytest.mark.ci) for b in (14, 17))]
+)
+def test_sound_encoders_are_not_doubted(bits):
+    """Rest, slow and fast, steadily and in swings, coarse and fine, with noise and a wild frame."""
+    device = with_bits(bits)
+
+    def wild(count):
+        return np.where(np.arange(len(count)) == 300, (count + 2**bits // 100) % 2**bits, count)
+
+    paths = [motion(0.3), motion(1.5), motion(9.0, 0.9), motion(4.0, 0.05)]
+    # Rest, and a quarter, a half and one count of 12 bits in a tick.
+    paths += [0.2 + 1e-3 * np.arange(1000) * v for v in (0.0, 0.383495, 0.76699, 1.5339808)]
+    for k, path in enumerate(paths):
+        found = doubted(device, path, noise_rad=0.00105 * (k % 2), seed=k, change=wild)
+        assert not found.any(), k
+
+
+def test_a_push_at_the_limit_and_a_movement_to_and_fro_are_no_swings(drive):
+    t = 1e-3 * np.arange(3000)
+    for u in (np.full(3000, 0.221), -0.221 * np.sign(np.sin(2 * np.pi * 6 * t))):
+        assert not swung(drive, u).any()
+
+
+# -- what is not -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("value", [0, 1])
+@pytest.mark.parametrize("bit", range(6))
+def test_a_stuck_bit_is_found_within_the_motion_that_is_stated(drive, bit, value, way):
+    def change(count):
+        clear = count - count // 2**bit % 2 * 2**bit
+        return clear + value * 2**bit
+
+    speed = 0.4 * way
+    path = 0.7 + 1e-3 * speed * np.arange(1000)
+    found = doubted(drive, path, change=change)
+    first = np.flatnonzero(found == STUCK)[0]
+    # The room, and up to two blocks until what is read has moved so far.
+    assert abs(path[first] - path[0]) * 4096 / (2 * math.pi) <= ROOM[bit, 0] + 2 ** (bit + 1) + 1
+    assert set(found) <= {NONE, ROUGH, STUCK}
+
+
+@pytest.mark.parametrize("side", ["motor", "load"])
+@pytest.mark.parametrize(("noise_rad", "ticks"), [(0.0042, 100), (0.008, 30)])
+def test_noise_is_found_soon(drive, noise_rad, ticks, side):
+    for seed in range(4):
+        found = doubted(drive, np.full(200, 0.3), noise_rad=noise_rad, seed=seed, side=side)
+        assert np.flatnonzero(found == ROUGH)[0] <= ticks
+
+
+@pytest.mark.parametrize(("rate_Hz", "seconds"), [(20, 1.0), (13, 3.4)])
+def test_a_command_that_swings_is_found_in_the_time_that_is_stated(drive, rate_Hz, seconds):
+    t = 1e-3 * np.arange(4000)
+    u = 0.221 * np.sign(np.sin(2 * np.pi * rate_Hz * t))
+    found = swung(drive, u)
+    assert 0.3 < t[np.flatnonzero(found == SWINGS)[0]] <= seconds
