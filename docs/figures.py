@@ -27,8 +27,8 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 KEPT = ROOT / "out" / "figures"
 BLOCK = re.compile(
-    r"<!-- figures: (?P<name>[\w-]+)(?:, (?P<date>[\d-]+), inputs (?P<inputs>\w+), "
-    r"text (?P<text>\w+))? -->\n(?P<inner>.*?)<!-- end of figures -->",
+    r"<!-- figures:(?P<name>[\w-]+)(?::(?P<date>[\d-]+):(?P<inputs>\w+):(?P<text>\w+))? -->\n"
+    r"(?P<inner>.*?)<!-- /figures -->",
     re.DOTALL,
 )
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -56,7 +56,7 @@ class FigureTable:
     rows: str = ""  # path of the entries in a result; `*`: of all keys
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    columns: Sequence[FigureColumn] = ()  # none: run by hand
+    columns: Sequence[FigureColumn] = ()  # without: run by hand
 
 
 @cache
@@ -69,6 +69,8 @@ def tables() -> dict[str, FigureTable]:
         listed = row.pop("commands")
         commands = [" ".join(c.format(**content["laws"]).split()) for c in listed]
         found[name] = FigureTable(name, commands, inputs, columns=columns, **row)
+    for name, (how, minutes, command) in content["by_hand"].items():
+        found[name] = FigureTable(name, [command], [], 60 * minutes, how)
     return found
 
 
@@ -215,12 +217,12 @@ def write(block: FigureBlock, lines: Sequence[str], date: str) -> None:
     table = tables()[block.name]
     one = len(table.commands) == 1
     what = table.commands[0] if one else f"make figures TABLES={table.name}"
-    by_hand = "" if table.columns else ", not repeated by `make figures`"
+    by_hand = "" if table.columns else ", by hand"
     inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {date}: `{what}`*", "", ""])
-    head = f"{block.name}, {date}, inputs {inputs_of(table)}, text {digest(inner)}"
+    head = ":".join((block.name, date, inputs_of(table), digest(inner)))
     content = block.page.read_text(encoding="utf-8")
     mark = BLOCK.pattern.replace(r"(?P<name>[\w-]+)", f"(?P<name>{block.name})")
-    new = f"<!-- figures: {head} -->\n{inner}<!-- end of figures -->"
+    new = f"<!-- figures:{head} -->\n{inner}<!-- /figures -->"
     new = re.sub(mark, lambda _: new, content, flags=re.DOTALL)
     block.page.write_text(new, encoding="utf-8")
 

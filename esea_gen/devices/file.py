@@ -222,8 +222,10 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
 @cache
 def _shipped(section: str) -> dict[str, dict[str, Any]]:
     # Complete documents with a section whose gains others may have taken over.
+    # A device before the controllers that extend it: of equals the first is named.
     found = {}
-    for name, path in sorted((shipped_devices() | shipped_controllers()).items()):
+    files = [*sorted(shipped_devices().items()), *sorted(shipped_controllers().items())]
+    for name, path in files:
         document = _resolved(read_text(path, "Check the file."), path.name)
         if section in document:
             found[name] = document

@@ -149,19 +149,19 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
         raise AssertionError("it did not happen")
 
     until(lambda: "not zeroed" in panel.verdict.text())
-    panel.zeroed.emit()
-    assert not panel.keep.isEnabled()
+    window.bar.steps["Zero"].click()
+    assert not window.bar.steps["Keep"].isEnabled()
     window.move_leg()
     until(lambda: desk.attempt is not None)
     window.animate()
-    assert panel.keep.isEnabled()
-    qtbot.mouseClick(panel.repeat, Qt.MouseButton.LeftButton)
+    assert window.bar.steps["Keep"].isEnabled()
+    qtbot.mouseClick(window.bar.steps["Repeat"], Qt.MouseButton.LeftButton)
     assert desk.attempt is None
     window.move_leg()
     until(lambda: desk.attempt is not None)
     window.animate()
     assert not beeps
-    qtbot.mouseClick(panel.keep, Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(window.bar.steps["Keep"], Qt.MouseButton.LeftButton)
     assert [e.what for e in desk.session.trail][-1] == "measured"
     window.limit(0, 120, 60)
     fast = probing_movement(Location(60 * DEG, 100 * DEG), Comfort())

@@ -44,8 +44,8 @@ def steps(window) -> list[str]:
 def test_it_says_what_it_is_not_and_works_without_a_sensor(opened, qtbot):
     from PySide6.QtCore import Qt
 
-    assert opened.notice.text() == NOTICE
-    assert "SIMULATED" not in opened.now.text()
+    assert opened.bar.who.text() == NOTICE
+    assert opened.bar.badge.text() == ""
     assert not hasattr(opened.controls, "move_button")
     before = opened.desk.proposed
     qtbot.mouseClick(opened.controls.words["strong"], Qt.MouseButton.LeftButton)
@@ -77,7 +77,7 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     assert opened.desk.session.by_name()["D2"] != pytest.approx(0.7)
     assert steps(opened) == ["begin", "clinician", "undone"]
     opened.undo()
-    assert opened.said.text() == "Nothing to take back."
+    assert opened.bar.said.text() == "Nothing to take back."
     asked = opened.desk.proposed.location
     c.another.emit()
     assert opened.desk.proposed.location != asked
@@ -101,7 +101,7 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
     assert np.array_equal(seen.ravel(), np.isfinite(opened.desk.value))
     c.high.setValue(5)
     c.limit()
-    assert "reach" in opened.said.text()
+    assert "reach" in opened.bar.said.text()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert c.high.value() == 80
 
@@ -142,14 +142,14 @@ def test_a_recording_and_the_page(opened, tmp_path):
     path = tmp_path / "r.csv"
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,torque_Nm", comments="")
     opened.open_recording(path)
-    assert opened.said.text().startswith("r.csv: ")
+    assert opened.bar.said.text().startswith("r.csv: ")
     opened.open_recording(tmp_path / "none.csv")
-    assert "cannot be read" in opened.said.text()
+    assert "cannot be read" in opened.bar.said.text()
     page = tmp_path / "page.pdf"
     opened.save_page(page)
     assert page.read_bytes()[:4] == b"%PDF"
     opened.save_page(tmp_path / "page.doc")
-    assert ".html, .png or .pdf" in opened.said.text()
+    assert ".html, .png or .pdf" in opened.bar.said.text()
 
 
 @pytest.fixture(scope="module")
@@ -170,9 +170,9 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     window.timer.stop()
     qtbot.addWidget(window)
     assert "SIMULATED PATIENT" in window.windowTitle()
-    assert "SIMULATED PATIENT" in window.now.text()
+    assert window.bar.badge.text() == "SIMULATED PATIENT"
     window.controls.moved.emit()
-    assert window.said.text().startswith("Simulated: ")
+    assert window.bar.said.text().startswith("Simulated: ")
     assert "measured" in steps(window)
     assert driven.about("P01") == "SIMULATED PATIENT P01"
     wanted, passed = driven.moved

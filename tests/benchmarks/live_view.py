@@ -123,8 +123,8 @@ def window_soak(
     window = LiveWindow(feed)
     window.timer.stop()
     window.toggle_spectrum()
-    for i in range(min(channels, window.channels.count())):
-        window.channels.item(i).setCheckState(Qt.CheckState.Checked)
+    for item in list(window.channels.items.values())[:channels]:
+        item.setCheckState(0, Qt.CheckState.Checked)
     window.resize(1280, 860)
     window.show()
     counts = {n: len(b.rows) for n, b in pieces.items() if n in feed.rings}

@@ -39,7 +39,7 @@ CHANGE_S = (3.4, 5.0)
 
 def test_a_shipped_controller_is_a_configuration_of_any_drive():
     assert {"smc", "mpc", "smc-published"} <= set(shipped_controllers())
-    device = load_device("elbow_drive", "mpc")
+    device = load_device("elbow_drive", "mpc-no-preview")
     assert [law.name for law in device.laws] == ["predictive"]
     assert device.name == "elbow_drive"  # the device's numbers, under another law
     same = load_device("elbow_mpc")

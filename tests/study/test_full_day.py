@@ -154,7 +154,7 @@ class Day:
         self.left.pop(0)
         try:
             operator.refresh()
-            self.seen += [operator.state.text(), operator.banner.text()]
+            self.seen += [operator.bar.state.text(), operator.bar.badge.text()]
             act(operator)
         except BaseException as error:
             self.failed = error

@@ -223,7 +223,8 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot, monk
             monkeypatch.setattr(device, "state", lambda: "ACTIVE")
             operator.stop_asked_s = 1.0
             operator.refresh()
-            assert "NOT CONFIRMED: SWITCH" in operator.state.text()
+            assert "NOT CONFIRMED" in operator.bar.state.text()
+            assert "SWITCH THE BOARD'S POWER OFF" in operator.bar.words.text()
             monkeypatch.undo()
             operator.close()
             source.close()

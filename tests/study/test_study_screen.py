@@ -135,6 +135,15 @@ def test_roles_are_told_apart_without_one_kind_of_cone(kind, colours):
         assert apart > 15, (a, b, apart)
 
 
+@pytest.mark.parametrize("colours", [COLOURS, ON_WHITE], ids=["dark", "light"])
+def test_every_role_stands_out_for_impaired_vision(colours):
+    """WCAG 2.2: 3 to 1 for shapes (1.4.11), 7 to 1 for text (1.4.6)."""
+    light = {r: ((lab(c, BLIND["none"])[0] + 16) / 116) ** 3 + 0.05 for r, c in colours.items()}
+    ground = light.pop("background")
+    for role, y in light.items():
+        assert max(y, ground) / min(y, ground) >= (7 if role == "text" else 3), role
+
+
 def test_something_appears_where_a_role_or_a_text_is_new():
     before, after = Scene((Shape("disc", "cursor", 0, 0),)), Scene((Shape("disc", "target", 0, 0),))
     assert appears(before, after)
@@ -250,8 +259,8 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
         picture = participant.grab()
         assert (picture.toImage().pixelColor(3, 3).lightness() < 90) == dark
     assert picture.save(str(place / "study-calibration.png"))
-    assert operator.gauges[0].gauge.name == "torque flexion"
-    assert not operator.gauges[0].near
+    assert float(operator.bar.readouts["torque flexion"].accessibleName()) > -8.0
+    assert not conductor.source.gauges()[0].near
 
 
 @pytest.mark.ci

@@ -70,7 +70,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
     operator.refresh()
     assert conductor.error is None
-    assert "BEENDET" in operator.state.text()
+    assert "BEENDET" in operator.bar.state.text()
     assert logged(shown) == logged(plain)
     assert [r["trial"] for r in shown.rows("P01")] == [r["trial"] for r in plain.rows("P01")]
     assert all(same for _, _, same in replay(shown.log_of("P01", 0)))
@@ -115,7 +115,7 @@ def test_stop_acts_within_the_trial_from_either_window(begin, windows, qtbot, ho
     frames = [d for _, d in logged(conductor.study, "frames") if d["trial"] == 2]
     assert frames[-1]["samples"][-1][0] == pytest.approx(0.5)  # not one step more
     operator.refresh()
-    assert "STOPPED" in operator.state.text()
+    assert "STOPPED" in operator.bar.state.text()
     assert conductor.screen().scene.texts == (Text("stopped"),)
     assert operator.stop_button.isVisible() == (how != "closed")
 
@@ -146,7 +146,7 @@ def test_a_pause_holds_a_task_that_can_be_held_and_shows_the_score(begin, window
     conductor.arrive()
     qtbot.keyClick(operator, Qt.Key.Key_P)
     operator.refresh()
-    assert "PAUSED" in operator.state.text()
+    assert "PAUSED" in operator.bar.state.text()
     conductor.go_on()
     keys = [t.key for t in conductor.screen().scene.texts]
     assert keys == ["follow", "error", "paused"]
@@ -165,7 +165,7 @@ def test_a_pause_of_other_tasks_is_between_two_trials(begin, windows):
     conductor.arrive()
     operator.pause()
     operator.refresh()
-    assert "pause after this trial" in operator.state.text()
+    assert "pause after this trial" in operator.bar.words.text()
     conductor.go.set()
     until(lambda: conductor.phase == PAUSED)
     assert conductor.states[1] == "completed"
@@ -189,10 +189,10 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows):
         operator.written.setText(words)
         operator.trials.selectRow(row)
         operator.refresh()
-        assert operator.buttons["skip_this_trial"].text() == f"Skip trial {row + 1}"
+        assert operator.buttons["skip_this_trial"].name == f"Skip trial {row + 1}"
         job()
     operator.refresh()
-    assert operator.buttons["skip_this_trial"].text() == "Skip trial 2"  # the one that runs
+    assert operator.buttons["skip_this_trial"].name == "Skip trial 2"  # the one that runs
     operator.written.setText("again")
     operator.trials.selectRow(4)
     operator.repeat_block()  # nothing of it was run
@@ -255,7 +255,7 @@ def test_an_adverse_event_stops_the_trial_first_and_is_on_record(begin, windows,
     assert event == {"participant": "P01", "session": 0, "trial": 2, **given}
     operator.refresh()
     assert (panel.isVisible(), panel.text.text()) == (False, "")
-    assert operator.said.text() == "The adverse event is recorded."
+    assert operator.bar.said.text() == "The adverse event is recorded."
     operator.pause()
     conductor.arrive()  # the same trial, again
     ended(conductor)
@@ -327,7 +327,7 @@ def test_both_windows_say_what_is_simulated_or_a_rehearsal(
     conductor = Conductor(study, "P01", 0, source, math.inf, rehearsal=log)
     participant, operator = windows(conductor, language="de")
     assert operator.windowTitle().startswith(f"{mark} - P01" if mark else "P01")
-    assert (operator.banner.text(), operator.banner.isVisible()) == (mark, bool(mark))
+    assert (operator.bar.badge.text(), operator.bar.badge.isVisible()) == (mark, bool(mark))
     painted = participant.grab().toImage()
     strip = [painted.pixelColor(x, painted.height() - 16) for x in range(painted.width())]
     assert (BANNER_GROUND in {c.name() for c in strip}) == bool(mark)
@@ -347,7 +347,9 @@ def test_the_group_is_not_shown_where_the_protocol_says_so(begin, windows):
     cells = [
         table.item(r, k).text() for r in range(table.rowCount()) for k in range(table.columnCount())
     ]
-    labels = [w.text() for w in (operator.who, operator.state, operator.now, operator.coming)]
+    labels = [
+        w.text() for w in (operator.bar.who, operator.bar.words, operator.now, operator.coming)
+    ]
     assert "hidden" in cells
     # Its size is the condition's: the participant sees it, and the operator does not.
     assert conductor.screen().scene.shapes
@@ -376,16 +378,16 @@ def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monk
     _, operator = windows(conductor)
     conductor.arrive()
     operator.refresh()
-    assert operator.advice.text() == ""
+    assert operator.bar.words.text().startswith("Next: ")
     conductor.go_on()
     operator.refresh()
     advice = "No end of the range was reached for 8 s. Ask for larger movements"
-    assert advice in operator.advice.text()
+    assert advice in operator.bar.words.text()
     assert "further" in [t.key for t in conductor.screen().scene.texts]
     conductor.go.set()
     until(lambda: conductor.phase == HELD)
     operator.refresh()
-    assert "WAITING FOR YOU" in operator.state.text()
+    assert "WAITING FOR YOU" in operator.bar.state.text()
     operator.resize(1180, 560)
     operator.toggle_theme()
     place = Path(os.environ.get("ESEA_PICTURES") or tmp_path)

@@ -40,9 +40,7 @@ def test_every_language_has_the_same_texts_with_the_same_places(language):
     texts = words_of(language).texts
     assert texts.keys() == EN.keys()
     assert [k for k in EN if places(texts[k]) != places(EN[k])] == []
-    assert [k for k, t in texts.items() if not t or t != t.strip() or "  " in t] == [
-        "operator.stop"
-    ]
+    assert [k for k, t in texts.items() if not t or t != t.strip() or "  " in t] == []
 
 
 def test_german_is_german():
@@ -204,6 +202,10 @@ def test_nothing_in_the_operators_window_is_of_another_language(begin, qtbot):
     operator.refresh()
     seen = [operator.windowTitle(), *(a.text() for a in operator.findChildren(QAction))]
     seen += [w.text() for kind in (QLabel, QAbstractButton) for w in operator.findChildren(kind)]
+    bar = operator.bar  # the state's text goes on beside it
+    for label in (bar.state, bar.words):
+        seen.remove(label.text())
+    seen.append(f"{bar.state.text()}: {bar.words.text()}")
     seen += [w.placeholderText() for w in operator.findChildren(QLineEdit)]
     for box in operator.findChildren(QComboBox):
         seen += [box.itemText(k) for k in range(box.count())]

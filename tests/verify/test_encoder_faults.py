@@ -28,6 +28,7 @@ from tests.conftest import ROOT, require_tool, without
 
 SIMULATE = ("simulate", "--controller", "smc")
 
+
 def run(fault: str, study: str = "bread", case: str = "0 Nm", controller: str = "smc"):
     require_tool("gcc")
     found = load_study(study, ClosedLoopStudy).case(case)

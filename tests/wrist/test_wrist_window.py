@@ -88,7 +88,8 @@ def test_a_passive_board_has_no_constraint_and_a_mouse_leads_its_hand(shown):
 
     s = shown("wrist_board", "READY")
     s.draw()
-    assert not any(s.window.buttons[n].isVisible() for n in ("Arm", "Healthy", "Constrained"))
+    assert not any(s.window.buttons[n].isVisible() for n in ("Healthy", "Constrained"))
+    assert "Arm" not in s.window.bar.steps
     assert s.window.stop_button.isVisible()
     # Who presses the mouse takes the simulated hand along: right is extension, down is ulnar.
     pane = s.window.panes["raw"]

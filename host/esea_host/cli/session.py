@@ -146,7 +146,7 @@ def run(
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Run a session: the participant's window and the operator's; Space or Escape stops."""
+    """Run a session: the participant's window and the operator's; Space, Escape or F12 stops."""
     study = opened(folder, trust, operator=operator)
     study.protocol.words(language)  # refused before anything is written
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"

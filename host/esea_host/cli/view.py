@@ -64,7 +64,7 @@ def view(
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
 ) -> None:
-    """See a board live: curves, limits, faults; Space or Escape stops the motor."""
+    """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed

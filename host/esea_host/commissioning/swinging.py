@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve
 
-from esea_gen.control.adaptation import STOP_NM
 from esea_gen.device import Device
+from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import LeastSquares, fit_linear
 from esea_gen.studies.torque_check.procedure import KnownLoad
@@ -23,6 +23,7 @@ from esea_host.commissioning.drive import gear_torque_Nm, window
 from esea_host.commissioning.startup import DriveRecording, StartupCheck, travel
 from esea_host.recording.layout import Array
 
+STOP_NM = 0.8  # threshold of the stop operator of the Block adaptation; a test compares them
 LENGTH_S, FADE_S, SHARE = 40.0, 5.0, 0.6
 """Of a swing; the share of the mass's torque that is wanted at most."""
 RATES_HZ, SWELL_S, LEAST_SWELL = (0.25, 0.125), 20.0, 0.4

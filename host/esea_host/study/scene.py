@@ -25,9 +25,11 @@ COLOURS = {
     "text": "#f4f4f4",
     "background": "#1d1f21",
 }
-# On white; yellow and the light blue are not seen there.
+# On white at least 3 to 1, too (WCAG 2.2, 1.4.11), and darker where that asks for it.
 ON_WHITE = COLOURS | {
-    "origin": "#e69f00",
+    "origin": "#c08000",
+    "failed": "#a33c00",
+    "boundary": "#a33c00",
     "guide": "#777777",
     "node": "#0e86c8",
     "text": "#1d1f21",

@@ -19,6 +19,9 @@ class TrialOnly(str):
     __slots__ = ()
 
 
+NEAR = 0.85  # of the way to a limit
+
+
 @dataclass(frozen=True)
 class Gauge:
     name: str
@@ -26,6 +29,12 @@ class Gauge:
     low: float
     high: float
     unit: str
+
+    @property
+    def near(self) -> bool:
+        """Whether the value is near a limit, or unknown."""
+        middle, half = (self.low + self.high) / 2, (self.high - self.low) / 2
+        return not abs(self.value - middle) <= NEAR * half
 
 
 class SessionWatcher:

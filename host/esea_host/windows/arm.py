@@ -23,7 +23,7 @@ class VirtualArm(QWidget):
         self._feed, self._push = feed, push
         self.push_rad = 0.0
         self._taken_rad: float | None = None
-        self.setMinimumSize(200, 200)
+        self.setMinimumSize(150, 64)
         self.setToolTip("Drag the forearm; [ and ] push it by keys, = lets go.")
         timer = QTimer(self)
         timer.timeout.connect(self.update)

@@ -5,16 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
-from html import escape
 from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QApplication,
     QFileDialog,
-    QGridLayout,
     QLabel,
     QListWidget,
     QScrollArea,
@@ -29,42 +27,53 @@ from esea_host.assess.files import KINDS, read_recording
 from esea_host.assess.pages import step_text, write_session_page
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
+from esea_host.assess.segments import MovementEvent
 from esea_host.assess.tasks import PAUSE_S, leg_scene
 from esea_host.windows.assess_controls import BoardPanel, ClinicControls
 from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
-from esea_host.windows.frame import Job, ThemedWindow, column_of, qt_application, run_until_closed
+from esea_host.windows.bar import StepButton, restyle
+from esea_host.windows.frame import (
+    STOP_NAME,
+    Job,
+    StopWindow,
+    column_of,
+    qt_application,
+    row_of,
+    run_until_closed,
+)
+from esea_host.windows.meanings import ROLES, refusals
 from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 
-FRAME_MS = 40
+FRAME_MS, LEAST_HEIGHT_PX = 40, 400
 RECORDINGS = f"Recordings (*{' *'.join(KINDS)})"
 PAGES = "Page (*.pdf *.png *.html)"
 
 
-class AssessWindow(ThemedWindow):
+class AssessWindow(StopWindow):
     """A window on a :class:`ClinicDesk`; every step goes through the desk and into its trail."""
 
     def __init__(self, desk: ClinicDesk, who: str = "", dark: bool = False) -> None:
         super().__init__()
         self.desk, self.who = desk, who
-        simulated = "SIMULATED PATIENT - " if desk.simulated else ""
-        self.setWindowTitle(f"{simulated}Knee: assessment - esea-host")
+        simulated = "SIMULATED PATIENT" if desk.simulated else ""
+        title = " - ".join(filter(None, (simulated, "Knee: assessment", "esea-host")))
+        self.setWindowTitle(title)
+        self.bar.mark(simulated, desk.session.data.notice)
         self._began_s = time.monotonic()
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
-        self.timer = QTimer(self)
         self.timer.timeout.connect(self.animate)
         self.timer.start(FRAME_MS)
 
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.notice = plain_label(self.desk.session.data.notice)
-        self.now, self.said = QLabel(), plain_label()
-        self.settled, self.next = QLabel(), QLabel()
-        for label in (self.now, self.said, self.next):
-            label.setWordWrap(True)
+        self.now, self.settled = plain_label(), QLabel()
+        self.now.setWordWrap(True)
+        self.now.setMinimumHeight(32)
+        self._said, self._refused = "", False
         self.map, self.leg = InformationMap(self.desk.session.hypotheses.grid), SceneView()
         names = list(self.desk.session.names)
         self.bars = ProbabilityBars([long_name(n) for n in names])
@@ -86,25 +95,19 @@ class AssessWindow(ThemedWindow):
         controls.setWidgetResizable(True)
         self.panel = None if self.desk.board is None else BoardPanel(self.desk.board)
         across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
+        self.leg.setMinimumSize(120, 120)
         lower = _split(across, {self.leg: 330, self.bars.view: 420})
         left = _split(down, {self.map.view: 360, lower: 340})
         sizes = (205, 395, 110) if self.panel is None else (340, 260, 110)
         right = _split(down, dict(zip((self._upper(), controls, self.trail), sizes, strict=True)))
-        words = QGridLayout()
-        words.addWidget(self.notice, 0, 0)
-        words.addWidget(self.settled, 0, 1, Qt.AlignmentFlag.AlignRight)
-        words.addWidget(self.now, 1, 0, 1, 2)
-        words.addWidget(self.next, 2, 0, 1, 2)
         both = _split(across, {left: 760, right: 520})
-        self.fill(column_of(words, (both, 1), self.said))
+        both.setMinimumHeight(LEAST_HEIGHT_PX)
+        self.fill(column_of(row_of((self.now, 1), self.settled), (both, 1)))
 
     def _upper(self) -> QWidget:
         history: QWidget = self.history.view
         if self.panel is None:
             return history
-        self.panel.kept.connect(lambda: self._step(self.desk.keep))
-        self.panel.repeated.connect(lambda: self._step(self.desk.repeat))
-        self.panel.zeroed.connect(lambda: self._step(self.panel.board.zero))
         tabs = QTabWidget()
         tabs.addTab(self.panel, "At the board")
         tabs.addTab(history, "How it came to that")
@@ -120,10 +123,22 @@ class AssessWindow(ThemedWindow):
         ]
         if self.desk.patient is not None:
             jobs.insert(0, ("Move the simulated leg", "Ctrl+M", self.move_leg))
-        if self.panel is not None:
-            jobs.insert(0, ("Keep the movement", "Space", self.panel.kept.emit))
-            jobs.insert(1, ("Repeat the movement", "R", self.panel.repeated.emit))
+        if self.panel is None:
+            self.bar.without_stop("No motor:\nnothing to stop")
+        else:
+            steps = {"Keep": ("K", self.desk.keep), "Repeat": ("R", self.desk.repeat)}
+            for name, (key, job) in (steps | {"Zero": ("Ctrl+0", self.panel.board.zero)}).items():
+                jobs.append((name, key, partial(self._step, job)))
+                self.bar.add_step(name, StepButton(name, key, jobs[-1][2]))
+            jobs.append((STOP_NAME, "", self.stop))
         self.add_menu("&Assessment", jobs)
+
+    def stop(self) -> None:
+        """End the movement under way: a board for the knee has no motor, hands move the leg."""
+        if self.panel is None:
+            return
+        self._take_events(self.panel, self.panel.board.watch.end("stopped by the operator"))
+        self._tell("STOP: no movement is taken. No motor is here: take your hands off.", alarm=True)
 
     # -- steps -------------------------------------------------------------------------------------
 
@@ -140,9 +155,22 @@ class AssessWindow(ThemedWindow):
         self.refresh()
 
     def _tell(self, text: str, *, alarm: bool = False) -> None:
-        self.said.setText(text)
-        colour = self.theme.alarm if alarm else self.theme.soft
-        self.said.setStyleSheet(f"color: {colour}")
+        self._said, self._refused = text, alarm
+        self._show_bar()
+
+    def _show_bar(self) -> None:
+        panel, trouble = self.panel, ""
+        if panel is not None:
+            state, trouble = panel.board.state(), panel.board.trouble()
+            self.bar.show_state(state, ROLES.get(state, "rest"))
+            no_try = "" if self.desk.attempt else "no movement yet"
+            moves = refusals(state)["Zero"]
+            self.bar.refuse({"Keep": no_try, "Repeat": no_try, "Zero": moves})
+        else:
+            self.bar.show_state("BY HAND" if self.desk.patient is None else "SIMULATED LEG", "rest")
+        told = trouble or f"Next: {describe(self.desk.proposed)}"
+        self.bar.tell(told, self.theme, alarm=bool(trouble), said=self._said)
+        restyle(self.bar.said, f"color: {self.theme.alarm if self._refused else self.theme.ink}")
 
     def move_leg(self) -> None:
         self._step(self.desk.ask_therapist if self.desk.board else self.desk.move)
@@ -182,13 +210,11 @@ class AssessWindow(ThemedWindow):
 
     def refresh(self) -> None:
         session, theme = self.desk.session, self.theme
-        simulated = "<b>SIMULATED PATIENT.</b> " if self.desk.simulated else ""
-        self.now.setText(simulated + escape(" ".join(conclusion(session)[:3])))
+        self.now.setText(" ".join(conclusion(session)[:3]))
         settled = session.settled
         change = "have stopped changing" if settled else "are still changing"
         self.settled.setText(f"The probabilities {change}.")
         self.settled.setStyleSheet(f"color: {theme.good if settled else theme.soft}")
-        self.next.setText(f"<b>Next:</b> {escape(describe(self.desk.proposed))}")
         places = session.evidence.places() / DEG
         unit = unit_of(self.desk.measure)
         self.map.draw(self.desk.value, places, self.desk.proposed, self.desk.comfort, unit)
@@ -197,17 +223,22 @@ class AssessWindow(ThemedWindow):
         self.trail.clear()
         self.trail.addItems([f"{e.number:>3}  {step_text(e)}" for e in session.trail])
         self.trail.scrollToBottom()
+        self._show_bar()
         self.animate()
 
-    def _take_board(self, panel: BoardPanel) -> float | None:
-        # What came since the last frame; where the leg is now.
-        for event in panel.board.poll():
+    def _take_events(self, panel: BoardPanel, events: list[MovementEvent]) -> None:
+        for event in events:
             panel.take(event)
             if event.kind == "broken":
                 self._step(partial(self.desk.broken, event.text))
             elif event.segment is not None and self.desk.attempt is None:
                 self.desk.judge(event.segment)
+
+    def _take_board(self, panel: BoardPanel) -> float | None:
+        # What came since the last frame; where the leg is now.
+        self._take_events(panel, panel.board.poll())
         panel.draw(self.desk.attempt)
+        self._show_bar()
         return panel.board.rows[-1][1] if panel.board.rows and panel.board.valid else None
 
     def animate(self) -> None:
@@ -229,7 +260,7 @@ class AssessWindow(ThemedWindow):
 
     def set_theme(self, theme: Theme) -> None:
         super().set_theme(theme)
-        self.notice.setStyleSheet(f"color: {theme.limit}; font-weight: bold")
+        restyle(self.bar.who, f"color: {theme.limit}; font-weight: bold")
         self.leg.set_dark(theme is DARK)
         for part in (self.map, self.bars, self.history):
             part.show(theme)
@@ -251,5 +282,4 @@ def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> Non
     dark = qt_application(dark)
     pg.setConfigOptions(antialias=True)
     window = AssessWindow(desk, who, dark)
-    window.resize(1280, 860)
     run_until_closed(window)

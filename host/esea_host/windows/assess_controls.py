@@ -126,39 +126,28 @@ def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:
 
 
 WARNED_S = 2.0
-STATES = {"UNREFERENCED": "not zeroed", "READY": "ready", "FAULT": "fault", "STOPPED": "stopped"}
 
 
 class BoardPanel(QWidget):
-    """Angle, speed and torque as they come, torque over angle, and what to do with a movement."""
-
-    kept = Signal()
-    repeated = Signal()
-    zeroed = Signal()
+    """Angle, speed and torque as they come, torque over angle, and the verdict on a movement."""
 
     def __init__(self, board: KneeBoard) -> None:
         super().__init__()
         self.board, self.loop = board, MovementLoop()
         self.warning, self.verdict = QLabel(), plain_label()
-        self.numbers = [QLabel() for _ in range(4)]
+        self.numbers = [QLabel() for _ in range(3)]
         self._warned_s = -WARNED_S
         self._from_s, self._to_s = 0.0, float("inf")
         self.verdict.setWordWrap(True)
         words = QGridLayout()
         for i, (text, label) in enumerate(
-            zip(("Bending", "Speed", "Torque", "Board"), self.numbers, strict=True)
+            zip(("Bending", "Speed", "Torque"), self.numbers, strict=True)
         ):
             words.addWidget(QLabel(text), i, 0)
             words.addWidget(label, i, 1)
         words.setColumnMinimumWidth(1, 84)
-        zero = push_button("Zero the board", self.zeroed.emit)
-        zero.setToolTip("The leg straight and resting, hands off the coupling, keep still")
-        words.addWidget(zero, 4, 0, 1, 2)
         words.setRowStretch(5, 1)
-        self.keep = push_button("Keep  (Space)", self.kept.emit)
-        self.repeat = push_button("Repeat  (R)", self.repeated.emit)
-        middle, both = row_of((self.loop.view, 1), words), row_of(self.keep, self.repeat)
-        column = column_of(self.warning, (middle, 1), self.verdict, both)
+        column = column_of(self.warning, (row_of((self.loop.view, 1), words), 1), self.verdict)
         column.setContentsMargins(4, 4, 4, 4)
         column.setSpacing(3)
         self.setLayout(column)
@@ -188,13 +177,10 @@ class BoardPanel(QWidget):
         shown = ["–"] * 3
         if not trouble and board.rows:
             shown = [f"{now[1] / DEG:.0f}°", f"{now[2] / DEG:.0f}°/s", f"{now[3]:.1f} Nm"]
-        state = board.state()
-        shown.append(STATES.get(state, state.lower()))
         over = (
             now[1] < limits.low_rad or now[1] > limits.high_rad,
             abs(now[2]) > limits.rate_rad_s,
             False,
-            bool(trouble),
         )
         for label, text, alarming in zip(self.numbers, shown, over, strict=True):
             label.setText(f"<b>{text}</b>")
@@ -210,5 +196,3 @@ class BoardPanel(QWidget):
         alarming = bool(trouble) or (attempt is not None and not attempt.passed)
         good = self.theme.good if attempt is not None else self.theme.soft
         self.verdict.setStyleSheet(f"color: {self.theme.alarm if alarming else good}")
-        for button in (self.keep, self.repeat):
-            button.setEnabled(attempt is not None)

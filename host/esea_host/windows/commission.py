@@ -6,6 +6,9 @@ import contextlib
 import html
 import io
 import threading
+import time
+from collections.abc import Callable
+from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QPixmap
@@ -22,16 +25,23 @@ from esea_host.commissioning import (
     guide,
     run_step,
 )
+from esea_host.commissioning.bench import TURN_S
+from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
 from esea_host.windows.frame import (
+    NOT_CONFIRMED,
+    STOP_NAME,
     StopWindow,
     column_of,
-    push_button,
     qt_application,
     row_of,
     run_until_closed,
 )
+from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
 from esea_host.windows.theme import LIGHT
+
+LOOK_MS = 200
+STANDS = ("STOPPED", "FAULT")
 
 
 class CommissioningWindow(StopWindow):
@@ -52,7 +62,7 @@ class CommissioningWindow(StopWindow):
         self.result: StepResult | None = None
         self.done: dict[str, StepResult] = {}
         self._thread: threading.Thread | None = None
-        self._go_on = threading.Event()
+        self._go_on, self._answer = threading.Event(), ""
         self.said.connect(self._show_said)
         self.asked.connect(self._show_asked)
         self.ended.connect(self._show_ended)
@@ -61,29 +71,35 @@ class CommissioningWindow(StopWindow):
         bench.say = self.said.emit
         if not bench.hands_free:
             bench.change_hands(self._wait_for_person)
-        kind = "SIMULATED " if bench.device.simulated else ""
-        self.setWindowTitle(f"{kind}{bench.board.name}: commissioning - esea-host")
+        kind = "SIMULATED" if bench.device.simulated else ""
+        who = f"{bench.board.name}: commissioning"
+        self.setWindowTitle(f"{kind} {who} - esea-host".strip())
+        self.bar.mark(kind, who)
         self._build()
         self.set_theme(LIGHT)
+        self.timer.timeout.connect(self.refresh)
+        self.timer.start(LOOK_MS)
+        self.refresh()
 
     def _build(self) -> None:
         self.list = QListWidget()
-        self.list.setFixedWidth(270)
+        self.list.setFixedWidth(240)
         self.list.currentRowChanged.connect(self._choose)
         self.head, self.text, self.picture = QLabel(), QLabel(), QLabel()
         for label in (self.head, self.text):
             label.setWordWrap(True)
             label.setTextFormat(Qt.TextFormat.RichText)
         self.picture.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
-        self.start_button = push_button("Start  (S)", self.start, focus=False)
-        self.ready_button = push_button("Done, go on  (Return)", self.go_on, focus=False)
-        buttons = row_of(self.start_button, self.ready_button)
+        self.start_button = StepButton("Start", "S", self.start)
+        self.ready_button = StepButton("Done, continue", "Return", self.go_on)
         for made in (self.start_button, self.ready_button):
-            made.setMinimumHeight(40)
-        buttons.addStretch(1)
-        buttons.addWidget(self.stop_button)
-        right = column_of(self.head, self.text, (self.picture, 1), buttons)
-        self.fill(row_of(self.list, (right, 1)))
+            self.bar.add_step(made.name, made)
+        device = self.bench.device
+        for name, job in ((RELEASE, device.release), (CLEAR, device.clear)):
+            self.bar.add_step(name, StepButton(name, "", partial(self._command, name, job)))
+        self.add_menu("&Board", [(STOP_NAME, "", self.stop)])
+        right = column_of(self.head, self.text, (self.picture, 1))
+        self.fill(row_of(self.list, (right, 1)), reads=True)
         self.list.addItems([s.title for s in self.steps])
         self._rename()
         self.list.setCurrentRow(0)
@@ -119,8 +135,8 @@ class CommissioningWindow(StopWindow):
 
     def _enable(self, asking: bool = False) -> None:
         lacks = self.step.lacks(self.options)
-        self.start_button.setEnabled(not self.busy and not lacks)
-        self.ready_button.setEnabled(asking)
+        self.start_button.refuse("runs" if self.busy else "see below" if lacks else "")
+        self.ready_button.refuse("" if asking else "nothing to do")
         self.list.setEnabled(not self.busy)
         if lacks:
             self.text.setText(f"Start again with {lacks} to do this one.")
@@ -161,7 +177,7 @@ class CommissioningWindow(StopWindow):
     def go_on(self) -> None:
         if not self.ready_button.isEnabled():
             return
-        self.ready_button.setEnabled(False)
+        self.ready_button.refuse("nothing to do")
         self._go_on.set()
 
     def stop(self) -> None:
@@ -169,8 +185,37 @@ class CommissioningWindow(StopWindow):
         self.bench.cancel()
         if self._stopper is not None:
             self._stopper.stop()
+            self.stop_asked_s = time.monotonic()
+
+    def _command(self, name: str, job: Callable[[], None]) -> None:
+        # No step runs, and the motor is off: nothing has to be stopped meanwhile.
+        try:
+            job()
+            self.bench.pass_time(5 * TURN_S)
+            self._answer = name
+        except Exception as error:
+            self._answer = f"{name}: {error}"
 
     # -- shown -----------------------------------------------------------------------------------
+
+    def refresh(self) -> None:
+        """The state by the heartbeat that came last: a running step holds the board."""
+        session = self.bench.device.session
+        state = session.state() if session.heartbeat is not None else "UNKNOWN"
+        self.bar.show_state(state, ROLES.get(state, "rest"))
+        reasons = refusals(state)
+        for name in (RELEASE, CLEAR):
+            self.bar.steps[name].refuse("a step runs" if self.busy else reasons[name])
+        alarm = NOT_CONFIRMED if self.stop_unconfirmed(state) else ""
+        words = alarm or NEXT.get(state if state in STANDS else "", "") or self._next()
+        self.bar.tell(words, self.theme, alarm=bool(alarm), said=self._answer)
+
+    def _next(self) -> str:
+        if self.ready_button.isEnabled():
+            return "Next: do what is asked below, then Done."
+        if self.busy:
+            return f"{self.step.title} runs; STOP ends it."
+        return f"Next: Start {self.step.title}." if self.start_button.isEnabled() else ""
 
     def _show_asked(self, text: str) -> None:
         self._show_said(text)
@@ -236,5 +281,4 @@ def run_commissioning(
 ) -> None:
     qt_application()
     window = CommissioningWindow(bench, steps, options, record)
-    window.resize(1180, 860)
-    run_until_closed(window)
+    run_until_closed(window, size_px=(1180, 860))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import queue
 import threading
 import time
@@ -24,6 +25,9 @@ Floats = npt.NDArray[np.float64]
 LAST_S, SAME_S = 120.0, 1e-6
 TAKE_S, ASK_S = 0.05, 0.2
 SILENT_S = 1.0
+# A zero is taken of angles that stay within half a degree for 0.2 s.
+ANGLES = ("theta_motor", "theta_load")
+STILL_RAD, STILL_S, ZEROED_S = math.radians(0.5), 0.2, 0.5
 COMPONENT = 192  # a stop's frames are counted apart from the session's
 EVERY_S, FOR_S = 0.05, 2.0
 
@@ -111,7 +115,8 @@ class LiveFeed:
         device.listen(list(self.rings))
         self.news = BoardNews()
         self.stopper = StopSender(device)
-        self.came_s = time.monotonic()
+        self.came_s, self.zero_s = time.monotonic(), math.inf
+        self.values: dict[str, float] = {}  # of parameters, when they were read last
         self._jobs: queue.SimpleQueue[tuple[str, Callable[[], Any]]] = queue.SimpleQueue()
         self._closed = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -142,18 +147,54 @@ class LiveFeed:
             what, job = self._jobs.get()
             try:
                 answer = job()
-                self.news.said = what if answer is None else f"{what}: {answer}"
+                if what:
+                    self.news.said = what if answer is None else f"{what}: {answer}"
             except Exception as error:
-                self.news.said = f"{what}: {error}"
+                self.news.said = f"{what}: {error}".removeprefix(": ")
         self.news.state = self.device.state()
+        self._tell_zero()
         while self.device.texts:
             self.news.said = f"the board says: {self.device.texts.popleft()}"
         number = self.device.fault() if self.news.state in ("FAULT", "STOPPED") else 0
         self.news.fault = fault_text(self.device.session.dialect, number) if number else None
         self.news.health = self.device.health() | {"not_shown": self.dropped_rows}
 
+    def read_parameters(self) -> dict[str, float]:
+        self.values = self.device.parameters()
+        return self.values
+
+    def zero(self) -> None:
+        """Ask for a zero; whether it was taken is told, for the board itself does not."""
+        self.zero_s = time.monotonic()
+        self.do("Zero", self.device.zero)
+
+    def _tell_zero(self) -> None:
+        if time.monotonic() - self.zero_s < ZEROED_S or self.news.state == "ZEROING":
+            return
+        self.zero_s = math.inf
+        if self.news.state == "UNREFERENCED":
+            self.news.said = (
+                "Zero failed: the joint moved, or an encoder cannot be read. "
+                "Hold it still, unloaded, then Zero again."
+            )
+        elif self.news.state == "READY":
+            self.news.said = "Zero: taken."
+
+    @property
+    def moves(self) -> bool:
+        """Whether the joint moves too much to be zeroed."""
+        for name, ring in self.rings.items():
+            columns = [c.name for c in ring.layout.columns if c.name.startswith(ANGLES)]
+            rows = ring.last(round(STILL_S / self.period_s[name]) if columns else 0).rows
+            if len(rows) and any(float(np.ptp(rows[c])) > STILL_RAD for c in columns):
+                return True
+        return False
+
     def do(self, what: str, job: Callable[[], Any]) -> None:
-        """Have something done that may wait for the board or for the disk; returns at once."""
+        """Have something done that may wait for the board or for the disk; returns at once.
+
+        what: told when it is done; empty: only what goes wrong is.
+        """
         self._jobs.put((what, job))
 
     def stop(self) -> None:

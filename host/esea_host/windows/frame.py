@@ -1,4 +1,4 @@
-"""What all windows share: opening and closing, menus, the stop, dark and light."""
+"""What all windows share: opening and closing, menus, the stop and its keys, dark and light."""
 
 from __future__ import annotations
 
@@ -10,32 +10,61 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QAction, QCloseEvent, QGuiApplication, QKeyEvent, QKeySequence
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, QTimer
+from PySide6.QtGui import (
+    QAction,
+    QCloseEvent,
+    QGuiApplication,
+    QKeyEvent,
+    QKeySequence,
+    QMouseEvent,
+)
 from PySide6.QtWidgets import (
     QApplication,
     QBoxLayout,
+    QFrame,
     QHBoxLayout,
     QLayout,
     QLineEdit,
     QMainWindow,
+    QMenuBar,
     QPushButton,
+    QScrollArea,
     QVBoxLayout,
     QWidget,
 )
 
 from esea_gen.files import written_whole
 from esea_host.connection import PlayedBoard
+from esea_host.windows.bar import BoardBar, StepButton
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.theme import DARK, LIGHT, STOP_STYLE, Theme
+from esea_host.windows.meanings import (
+    ARM,
+    CLEAR,
+    DISARM,
+    NEXT,
+    RELEASE,
+    ROLES,
+    ZERO,
+    refusals,
+    state_text,
+)
+from esea_host.windows.theme import DARK, LIGHT, Theme
 
 Job = Callable[[], object]
 UNCONFIRMED_S = 1.0
+NOT_CONFIRMED = "STOP was sent, and the board has not confirmed it: switch its power off."
+ESCAPED = "Escape closed a menu or dialog, and stopped nothing. Press it again to stop."
+STOP_NAME = "STOP: Space, Escape or F12"  # no keys of the menu: an open dialog would take them
+LEAST_PX = 700, 400  # of a window: 1440 x 900 at twice the size leaves 720 x 450
+FRAME_PX = 8, 40  # around a window, for its title
 PICTURE_BEFORE_MS, PICTURE_S = 300, 5.0  # before the window closes; where it is not to close
 
 
 def qt_application(dark: bool | None = None) -> bool:
     """Make Qt's application; whether its windows are to be dark: None: as the desktop has it."""
+    # A dialog of the desktop's own would take the keys of the stop.
+    QApplication.setAttribute(Qt.ApplicationAttribute.AA_DontUseNativeDialogs)
     QApplication.instance() or QApplication([])
     scheme = QGuiApplication.styleHints().colorScheme()
     return scheme == Qt.ColorScheme.Dark if dark is None else dark
@@ -46,10 +75,23 @@ def save_picture(window: QWidget, path: Path) -> None:
         window.grab().save(str(scratch))
 
 
+def fit_to_screen(window: QWidget, width: int, height: int) -> None:
+    """As large as asked for, where the screen is: no part of a window is beside it."""
+    room = window.screen().availableGeometry().adjusted(0, 0, -FRAME_PX[0], -FRAME_PX[1])
+    if QGuiApplication.platformName() == "offscreen":  # its screen is nobody's
+        room.setSize(QSize(width, height))
+    window.resize(QSize(width, height).boundedTo(room.size()))
+    window.move(room.topLeft())
+
+
 def run_until_closed(
-    window: QWidget, seconds: float | None = None, screenshot: Path | None = None
+    window: QWidget,
+    seconds: float | None = None,
+    screenshot: Path | None = None,
+    size_px: tuple[int, int] = (1280, 860),
 ) -> None:
     """Show a window and return when it is closed, by itself after some seconds, or by Ctrl+C."""
+    fit_to_screen(window, *size_px)
     window.show()
     if seconds is not None:
         QTimer.singleShot(int(seconds * 1000), window.close)
@@ -103,17 +145,62 @@ def column_of(*parts: QWidget | QLayout | tuple[Any, int]) -> QVBoxLayout:
     return made
 
 
-class ThemedWindow(QMainWindow):
+class _Shrinking(QVBoxLayout):
+    # To the least heights: a scrolled text asks for the height of all its lines.
+    def __init__(self, inner: QLayout) -> None:
+        super().__init__()
+        self.addLayout(inner)
+
+    def hasHeightForWidth(self) -> bool:
+        return False
+
+
+class StopWindow(QMainWindow):
+    """A bar with STOP on top, below it what may scroll.
+
+    Space, Escape and F12 stop, whatever has the focus, also in menus and dialogs; but a space that
+    is typed is a space, and Escape closes an open menu, list or dialog first: held down, or pressed
+    again, it stops.
+    """
+
     theme: Theme = LIGHT
 
-    def fill(self, layout: QLayout) -> None:
-        middle = QWidget()
-        middle.setLayout(layout)
-        self.setCentralWidget(middle)
+    def __init__(self, stop_text: str = "STOP\n(Space)", escape_text: str = ESCAPED) -> None:
+        super().__init__()
+        self.stop_asked_s, self._escape_text, self._closes = 0.0, escape_text, False
+        self.bar = BoardBar(stop_text)
+        self.stop_button = self.bar.stop_button
+        # When it goes down, not when it comes up again.
+        self.stop_button.pressed.connect(called(self.stop))
+        self.menus, top = QMenuBar(), QWidget()
+        upper = column_of(self.menus, self.bar)
+        upper.setContentsMargins(0, 0, 0, 0)
+        upper.setSpacing(0)
+        top.setLayout(upper)
+        # Above the docks, too: its place is the same whatever is open.
+        self.setMenuWidget(top)
+        self.setMinimumSize(*LEAST_PX)
+        self.timer = QTimer(self)
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+
+    def fill(self, layout: QLayout, *, reads: bool = False) -> None:
+        """What the window is about, below the bar; where it does not fit it scrolls.
+
+        reads: a long text makes it scroll; else plots give way to it.
+        """
+        inner, scrolled = QWidget(), QScrollArea()
+        inner.setLayout(layout if reads else _Shrinking(layout))
+        scrolled.setWidget(inner)
+        scrolled.setWidgetResizable(True)
+        scrolled.setFrameShape(QFrame.Shape.NoFrame)
+        scrolled.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self.setCentralWidget(scrolled)
 
     def add_menu(self, title: str, jobs: Iterable[tuple[str, str, Job]]) -> None:
         """A menu of jobs, each with its keys."""
-        menu = self.menuBar().addMenu(title)
+        menu = self.menus.addMenu(title)
         for name, keys, job in jobs:
             action = QAction(name, self)
             action.setShortcut(QKeySequence(keys))
@@ -127,29 +214,66 @@ class ThemedWindow(QMainWindow):
         self.theme = theme
         self.setPalette(theme.palette())
 
+    # -- the board ---------------------------------------------------------------------------------
 
-class StopWindow(ThemedWindow):
-    """Space and Escape stop, whatever has the focus; only a text field takes a space."""
+    def add_board_steps(
+        self, feed: LiveFeed, drives: bool, before_disarm: Job = lambda: None
+    ) -> None:
+        """Zero, Arm and so on, in the bar and by key; what would be refused is not sent."""
+        device = feed.device
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.stop_asked_s = 0.0
-        self.stop_button = QPushButton("STOP  (Space)")
-        self.stop_button.setStyleSheet(STOP_STYLE)
-        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        # When it goes down, not when it comes up again.
-        self.stop_button.pressed.connect(called(self.stop))
-        self.timer = QTimer(self)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
+        def disarm() -> None:
+            before_disarm()
+            feed.do(DISARM, device.disarm)
+
+        jobs: list[tuple[str, str, Job]] = [(ZERO, "Ctrl+0", feed.zero)]
+        if drives:
+            jobs += [
+                (ARM, "Ctrl+Shift+A", partial(feed.do, ARM, device.arm)),
+                (DISARM, "Ctrl+D", disarm),
+                (RELEASE, "Ctrl+R", partial(feed.do, RELEASE, device.release)),
+            ]
+        jobs.append((CLEAR, "Ctrl+L", partial(feed.do, CLEAR, device.clear)))
+        for name, keys, job in jobs:
+            self.bar.add_step(name, StepButton(name, keys, partial(self._ask, feed, name, job)))
+        asked: list[tuple[str, str, Job]] = [(STOP_NAME, "", self.stop)] if drives else []
+        asked += [(n, k, partial(self._ask, feed, n, job)) for n, k, job in jobs]
+        self.add_menu("&Board", asked)
+
+    def _ask(self, feed: LiveFeed, name: str, job: Job) -> None:
+        reason = self.bar.steps[name].refusal
+        if reason:
+            feed.news.said = f"{name} refused: {reason}."
+        else:
+            job()
+
+    def tell_board(self, feed: LiveFeed, more: Iterable[str] = ()) -> None:
+        """State, next step, refusals and alarms of a board; more: further alarms."""
+        news, drives = feed.news, ARM in self.bar.steps
+        word, _, rest = news.state.partition(": ")
+        self.bar.show_state(word, ROLES.get(word, "rest"))
+        alarms = [*self.alarms(feed), *filter(None, more)]
+        words = [state_text(feed.device.session.dialect, word), NEXT.get(word, "")]
+        if word == "READY" and not drives:
+            words = ["Measures; it has no motor."]
+        told = rest or " ".join(filter(None, words))
+        self.bar.tell("\n".join(alarms) or told, self.theme, alarm=bool(alarms), said=news.said)
+        fault = 0 if news.fault is None else news.fault.number
+        reasons = refusals(news.state, feed.moves, fault)
+        if self._lost(feed):
+            reasons = dict.fromkeys(reasons, "no link") | {DISARM: ""}
+        self.bar.refuse(reasons)
+
+    @staticmethod
+    def _lost(feed: LiveFeed) -> bool:
+        return feed.silent and not isinstance(feed.device, PlayedBoard)
 
     def stop(self) -> None:
         raise NotImplementedError
 
     def stop_unconfirmed(self, state: str) -> bool:
         """Whether a stop was sent, and a board in this state has not confirmed it in time."""
-        if state == "STOPPED":
+        if state in ("STOPPING", "STOPPED"):
             self.stop_asked_s = 0.0
         waited_s = time.monotonic() - self.stop_asked_s
         return self.stop_asked_s > 0 and waited_s > UNCONFIRMED_S
@@ -158,23 +282,43 @@ class StopWindow(ThemedWindow):
         """What somebody has to know of a board at once."""
         news, lines = feed.news, []
         if self.stop_unconfirmed(news.state):
-            lines.append("STOP was sent, and the board has not confirmed it: switch its power off.")
+            lines.append(NOT_CONFIRMED)
         lines += [news.error] if news.error else []
-        if feed.silent and not isinstance(feed.device, PlayedBoard):
+        if self._lost(feed):
             lines.append("Nothing comes from the board: what is shown is old.")
         if news.fault is not None:
             f = news.fault
             lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
         return lines
 
+    # -- keys --------------------------------------------------------------------------------------
+
     def eventFilter(self, _: QObject, event: QEvent) -> bool:
+        popup = QApplication.activePopupWidget()
+        if event.type() == QEvent.Type.MouseButtonPress and isinstance(event, QMouseEvent):
+            button = self.stop_button
+            at = button.mapFromGlobal(event.globalPosition().toPoint())
+            if popup is not None and button.isVisible() and button.rect().contains(at):
+                self.stop()  # an open menu takes the first press
+            return False
         if event.type() != QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
             return False
-        if event.key() == Qt.Key.Key_Escape:
-            self.stop()
-        typing = isinstance(QApplication.focusWidget(), QLineEdit)
-        if event.key() == Qt.Key.Key_Space and not typing:
-            self.stop()
+        # A key held down is one stop: the second one switches the motor off at once.
+        key, again = event.key(), event.isAutoRepeat()
+        if key == Qt.Key.Key_Escape:
+            opened = popup is not None or QApplication.activeModalWidget() is not None
+            if opened and not again:
+                self._closes = True
+                self.bar.notice(self._escape_text)
+                return False
+            if self._closes or not again:
+                self._closes = False
+                self.stop()
+            return True
+        typing = popup is None and isinstance(QApplication.focusWidget(), QLineEdit)
+        if key == Qt.Key.Key_F12 or (key == Qt.Key.Key_Space and not typing):
+            if not again:
+                self.stop()
             return True
         return False
 
@@ -184,13 +328,6 @@ class StopWindow(ThemedWindow):
         if application is not None:
             application.removeEventFilter(self)
         super().closeEvent(event)
-
-
-def state_colour(theme: Theme, state: str) -> str:
-    """Of a board's state: alarm, moving, or at rest."""
-    if state in ("FAULT", "STOPPING", "STOPPED"):
-        return theme.alarm
-    return theme.measured if state in ("ARMED", "ACTIVE", "LETTING_GO") else theme.good
 
 
 def coloured(text: str, colour: str) -> str:

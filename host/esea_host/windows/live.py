@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable
 from functools import partial
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -16,30 +15,30 @@ from PySide6.QtWidgets import (
     QDockWidget,
     QLabel,
     QLineEdit,
-    QListWidget,
-    QListWidgetItem,
     QSplitter,
 )
 
 from esea_host.connection import PlayedBoard
 from esea_host.windows.arm import add_arms
+from esea_host.windows.channels import ChannelTree
 from esea_host.windows.feed import LiveFeed, Stretch
 from esea_host.windows.frame import (
     Job,
     StopWindow,
     column_of,
     qt_application,
-    row_of,
     run_until_closed,
-    state_colour,
 )
-from esea_host.windows.meanings import link_text, state_text
+from esea_host.windows.meanings import GENERAL, link_text
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import (
+    BANDS_PX,
     LOOP,
+    PANEL_PX,
     AxisColumns,
     Cursors,
+    Head,
     LimitBands,
     LoopPlot,
     ShownSignal,
@@ -47,10 +46,13 @@ from esea_host.windows.plots import (
     TimePlot,
     signal_of,
 )
-from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
+from esea_host.windows.theme import DARK, LIGHT, Theme
 from esea_host.windows.trigger import NORMAL, OFF, Trigger, TriggerBar
 
 FRAME_MS = 50
+LIT_S = 0.3  # an indicator stays lit so long that it is seen
+# What is shown large, of which plot; degrees with one place, torque with two.
+READOUTS = {"Torque": "torque [Nm]", "Joint": "angle [deg]", "Motor": "command [Nm]"}
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 
 
@@ -67,9 +69,12 @@ class LiveWindow(StopWindow):
         self.played = feed.device if isinstance(feed.device, PlayedBoard) else None
         self.trigger = Trigger()
         self.drawn_frames = 0
-        kind = "SIMULATED " if feed.device.simulated else ""
-        self._who = f"{kind}{device.name} on {feed.device.identity.board}"
-        self.setWindowTitle(f"{self._who} - esea-host")
+        self._who = f"{device.name} on {feed.device.identity.board}"
+        kind = "SIMULATED" if feed.device.simulated else ""
+        self.setWindowTitle(f"{kind} {self._who} - esea-host".strip())
+        self.bar.mark(kind, self._who)
+        if self.played is None:
+            feed.do("", feed.read_parameters)
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -80,12 +85,10 @@ class LiveWindow(StopWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.link, self.fault, self.readout = (QLabel() for _ in range(4))
-        self.said = plain_label()
-        self.fault.setWordWrap(True)
-        for label in (self.state, self.link, self.fault, self.readout):
-            label.setTextFormat(Qt.TextFormat.RichText)
-        self.stop_button.setVisible(self.played is None and self._drives)
+        self.readout = QLabel()
+        self.readout.setTextFormat(Qt.TextFormat.RichText)
+        if self.played is not None or not self._drives:
+            self.bar.without_stop("Recording" if self.played else "No motor:\nno stop needed")
         self.axis_box = Choice()
         self.axis_box.addItems(list(self.columns.axes))
         self.axis_box.currentIndexChanged.connect(self.choose_axis)
@@ -102,10 +105,8 @@ class LiveWindow(StopWindow):
         self.note.setVisible(self.played is None)
         self.note.returnPressed.connect(self._noted)
         self._build_plots()
-        words = column_of(self.state, self.fault, self.link)
-        top = row_of((words, 1), self.axis_box, self.stop_button)
-        below = self.readout, self.note, self.said
-        self.fill(column_of(top, self.trigger_bar, (self._split, 1), *below))
+        parts = self.axis_box, self.trigger_bar, (self._split, 1), self.readout, self.note
+        self.fill(column_of(*parts))
         self.readout.setVisible(False)
         self._build_docks()
 
@@ -113,15 +114,19 @@ class LiveWindow(StopWindow):
         self.area = pg.GraphicsLayoutWidget()
         self.panels: list[TimePlot] = []
         self._signals: list[list[ShownSignal]] = []
-        for (title, unit), signals in self.columns.panels(self.axis):
-            self.panels.append(TimePlot(self.area, len(self.panels), title, unit))
+        self._heads: list[Head] = []
+        for head, signals in self.columns.panels(self.axis):
+            self.panels.append(TimePlot(self.area, len(self.panels), head[0], head[1]))
             self._signals.append(signals)
+            self._heads.append(head)
+        self.area.setMinimumHeight(PANEL_PX * len(self.panels) + BANDS_PX)
         self.chosen = TimePlot(self.area, len(self.panels), "Chosen", "")
         self.chosen.item.setVisible(False)
         title = "Which limit acts" if self._drives else "What the sensing reports"
         self.bands = LimitBands(
             self.area, len(self.panels) + 1, self.columns.flags(self.axis), title
         )
+        self._offer()
         for panel in (*self.panels, self.chosen):
             panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
@@ -146,23 +151,21 @@ class LiveWindow(StopWindow):
         self.axis = self.columns.axes[place]
         self._signals = [signals for _, signals in self.columns.panels(self.axis)]
         self.bands.flags = self.columns.flags(self.axis)
+        self._offer()
         if self.loop is not None:
             self.loop.x, self.loop.y = self.columns.signals(LOOP, self.axis)
         self.set_theme(self.theme)
+
+    def _offer(self) -> None:
+        # Bad inputs and repairs, which every block reports, are shown only while they act.
+        own = (f for _, f in self.bands.flags if f.bit > GENERAL)
+        self.bar.indicators.offer({f.name: f.meaning for f in own})
 
     def _next_axis(self) -> None:
         self.axis_box.setCurrentIndex((self.axis_box.currentIndex() + 1) % self.axis_box.count())
 
     def _build_docks(self) -> None:
-        self.channels = QListWidget()
-        for (stream, name), c in self.columns.all.items():
-            if c.kind == "f4" and c.size == 1:
-                item = QListWidgetItem(f"{stream}.{name}")
-                item.setToolTip(plain_tip(f"{c.meaning} [{c.unit}]"))
-                item.setCheckState(Qt.CheckState.Unchecked)
-                self.channels.addItem(item)
-        self.channels.itemChanged.connect(self._choose)
-        self.channels.itemActivated.connect(_toggle)
+        self.channels = ChannelTree(self.columns.all, self._choose)
         self.parameters = ParameterEditor(self.feed)
         areas = Qt.DockWidgetArea
         self._docks: dict[str, QDockWidget] = {}
@@ -179,7 +182,6 @@ class LiveWindow(StopWindow):
             self._docks[title] = dock
 
     def _actions(self) -> None:
-        device = self.feed.device
         look: list[tuple[str, str, Job]] = [
             ("Pause, go on", "P", self.pause),
             ("Shorter time", "+", partial(self.zoom, -1)),
@@ -198,23 +200,9 @@ class LiveWindow(StopWindow):
         ]
         if len(self.columns.axes) > 1:
             look.append(("The next axis", "A", self._next_axis))
-        self.add_menu("&Look", look)
-        if self.played is not None:
-            return
-        board: list[tuple[str, str, Job]] = [
-            ("Zero", "Ctrl+0", device.zero),
-            ("Fault has been seen to", "Ctrl+L", device.clear),
-        ]
-        stop: list[tuple[str, str, Job]] = []
-        if self._drives:
-            stop = [("STOP: Space or Escape", "F12", self.stop)]
-            board.insert(0, ("Release the stop", "Ctrl+R", device.release))
-            board[2:2] = [
-                ("Arm: the motor may move", "Ctrl+Shift+A", device.arm),
-                ("Disarm", "Ctrl+D", device.disarm),
-            ]
-        asked = [(name, keys, partial(self.feed.do, name, job)) for name, keys, job in board]
-        self.add_menu("&Board", [*stop, *asked])
+        self.add_menu("&View", look)
+        if self.played is None:
+            self.add_board_steps(self.feed, self._drives)
 
     # -- stop ------------------------------------------------------------------------------------
 
@@ -281,6 +269,8 @@ class LiveWindow(StopWindow):
         shown = {n: s.between(left_s, right_s) for n, s in shown.items()}
         for panel in (*self.panels, self.chosen):
             panel.draw(shown)
+        for panel, head in zip(self.panels, self._heads, strict=True):
+            panel.place_limits(self.columns.limits(head, self.axis))
         self.bands.draw(shown, left_s, right_s)
         if self.loop is not None and self._loop_area.isVisible():
             self.loop.draw(shown)
@@ -305,49 +295,37 @@ class LiveWindow(StopWindow):
         return self.trigger.shown_s(self.window_s)
 
     def _tell(self, shown: dict[str, Stretch]) -> None:
-        news, theme = self.feed.news, self.theme
-        dialect = self.feed.device.session.dialect
+        recording = self.feed.recording
+        ended = [] if recording is None or recording.error is None else [str(recording.error)]
+        self.tell_board(self.feed, [f"RECORDING ENDED: {error}" for error in ended])
         mode = self.columns.mode(self.axis)
-        acts = ", ".join(f.name for f in self.bands.acting(shown))
-        colour = state_colour(theme, news.state)
-        state = f'<b style="color:{colour}; font-size:16px">{escape(news.state)}</b>'
-        parts = [f"{state} &nbsp; {escape(self._who)}"]
-        parts += [f"mode: {escape(mode)}"] if mode else []
-        parts += [f"{'acts' if self._drives else 'reports'}: {escape(acts)}"] if acts else []
-        parts += ["PAUSED (P)"] if self.paused else []
-        parts += [escape(self.trigger.said())] if self.trigger.on else []
-        self.state.setText(" &nbsp;|&nbsp; ".join(parts))
-        measures = news.state == "READY" and not self._drives
-        meaning = "Measures; it has no motor." if measures else state_text(dialect, news.state)
-        alarms = "<br>".join(map(escape, self.alarms(self.feed)))
-        alarm = f'<b style="color:{theme.alarm}">{alarms}</b>' if alarms else ""
-        self.fault.setText(alarm or escape(meaning))
-        self.link.setText(self._health())
-        self.said.setText(news.said)
-
-    def _health(self) -> str:
-        news, recording = self.feed.news, self.feed.recording
-        parts = [link_text(news.health)]
+        told = [self._who, f"mode: {mode}" if mode else "", link_text(self.feed.news.health)]
         if self.played is not None:
-            parts.append(f"played at {self.played.speed:g} times its speed")
+            told.append(f"played at {self.played.speed:g} times its speed")
         elif recording is None:
-            parts.append("not recorded")
-        elif recording.error is not None:
-            said = escape(f"RECORDING ENDED: {recording.error}")
-            parts.append(f'<b style="color:{self.theme.alarm}">{said}</b>')
-        else:
-            parts.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")
-        return " &nbsp;|&nbsp; ".join(parts)
+            told.append("not recorded")
+        elif not ended:
+            told.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")
+        told += ["PAUSED (P)" if self.paused else "", self.trigger.said()]
+        self.bar.who.setText("  |  ".join(filter(None, told)))
+        since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
+        newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
+        acting = {f.name: f.meaning for f in self.bands.acting(newest)}
+        self.bar.indicators.light(acting, self.theme)
+        old = self.feed.silent and self.played is None
+        for head, signals in zip(self._heads, self._signals, strict=True):
+            if head[0] in READOUTS:
+                values = signals[-1].values(newest)
+                known = len(values) and not old and math.isfinite(values[-1])
+                places = 1 if head[1] == "deg" else 2
+                number = f"{values[-1]:.{places}f}" if known else "\u2013"
+                self.bar.show_value(READOUTS[head[0]], number)
 
     # -- choosing --------------------------------------------------------------------------------
 
     def _choose(self) -> None:
-        signals = []
-        for i in range(self.channels.count()):
-            item = self.channels.item(i)
-            if item.checkState() == Qt.CheckState.Checked:
-                stream, _, name = item.text().partition(".")
-                signals.append(signal_of(stream, name, self.columns.all[stream, name].unit))
+        found = self.channels.chosen()
+        signals = [signal_of(s, n, self.columns.all[s, n].unit) for s, n in found]
         units = {s.unit for s in signals}
         self.chosen.left = units.pop() if len(units) == 1 else ""
         colours = self.theme.curves
@@ -403,11 +381,6 @@ class LiveWindow(StopWindow):
         self.area.setFocus()
 
 
-def _toggle(item: QListWidgetItem) -> None:
-    checked = item.checkState() == Qt.CheckState.Checked
-    item.setCheckState(Qt.CheckState.Unchecked if checked else Qt.CheckState.Checked)
-
-
 def run_live(
     feed: LiveFeed,
     dark: bool | None = None,
@@ -419,5 +392,4 @@ def run_live(
     window = LiveWindow(feed, qt_application(dark))
     if push is not None:
         add_arms(window, feed, push)
-    window.resize(1280, 860)
     run_until_closed(window, seconds, screenshot)

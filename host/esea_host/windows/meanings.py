@@ -14,6 +14,26 @@ from esea_host.recording.layout import Array
 
 # Words whose flags say that something holds the drive back.
 LIMIT_WORDS = ("limits_status", "passivity_status")
+BOARD_FAULTS = 100  # from here on no command clears them
+MOTOR_ON = ("ARMED", "ACTIVE", "LETTING_GO")
+ROLES = dict.fromkeys(MOTOR_ON, "moving") | {
+    "FAULT": "alarm",
+    "STOPPED": "alarm",
+    "STOPPING": "alarm",
+    "UNREFERENCED": "caution",
+    "ZEROING": "caution",
+    "READY": "good",
+}
+NEXT = {
+    "UNKNOWN": "Waiting for the board's heartbeat.",
+    "UNREFERENCED": "Next: unload the joint, hold it still at its zero, then Zero.",
+    "READY": "Next: Arm switches the motor on.",
+    "STOPPING": "STOP again switches the motor off at once.",
+    "STOPPED": "Next: Release, when it is safe to continue.",
+    "FAULT": "Next: remove the cause, then Acknowledge fault.",
+}
+ZERO, ARM, DISARM, RELEASE, CLEAR = "Zero", "Arm", "Disarm", "Release", "Acknowledge fault"
+GENERAL = 4  # the last bit of a status word that means the same in every block
 # What the health of a link counts, as it is shown.
 COUNTED = {
     "gaps": "gaps",
@@ -76,7 +96,7 @@ def fault_text(dialect: Any, number: int) -> FaultText:
 
 def link_text(health: Mapping[str, int]) -> str:
     lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
-    return f"link: {', '.join(lost)}" if lost else "link: nothing lost"
+    return f"Link: {', '.join(lost)}" if lost else "Link: 0 messages lost"
 
 
 def state_text(dialect: Any, name: str) -> str:
@@ -84,6 +104,28 @@ def state_text(dialect: Any, name: str) -> str:
         if entry.name == f"ESEA_STATE_{name}":
             return str(entry.description)
     return ""
+
+
+def refusals(state: str, moves: bool = False, fault: int = 0) -> dict[str, str]:
+    """Why a board in this state would refuse a command; moves: whether the joint does."""
+    first = {
+        "UNREFERENCED": "zero first",
+        "STOPPED": "release first",
+        "STOPPING": "stopping",
+        "FAULT": "acknowledge first",
+        "ZEROING": "zeroing",
+        "UNKNOWN": "no heartbeat",
+    }.get(state, "")
+    on = state in MOTOR_ON
+    still = "the joint moves" if moves else ""
+    zero = "" if state == "UNREFERENCED" else "disarm first" if on else first
+    return {
+        ZERO: zero or still,
+        ARM: "is armed" if on else first,
+        DISARM: "",  # what is known of the state may be old
+        RELEASE: "" if state == "STOPPED" else "not stopped",
+        CLEAR: "no fault" if state != "FAULT" else "restart it" if fault >= BOARD_FAULTS else "",
+    }
 
 
 def mode_text(device: Device, mode: float) -> str:

@@ -6,18 +6,12 @@ from functools import partial
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QPushButton,
-    QTableWidget,
-    QTableWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QPushButton, QTableWidget, QTableWidgetItem, QWidget
 
 from esea_gen.errors import UserError
 from esea_host.typed import read_number, shown_number
 from esea_host.windows.feed import LiveFeed
+from esea_host.windows.frame import column_of, row_of
 from esea_host.windows.theme import plain_label, plain_tip
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
@@ -44,17 +38,12 @@ class ParameterEditor(QWidget):
         self.write_button.setEnabled(False)
         self.write_button.clicked.connect(self.write)
         QShortcut(QKeySequence("Ctrl+Return"), self).activated.connect(self.write)
-        below = QHBoxLayout()
-        below.addWidget(self.changes, 1)
-        below.addWidget(self.write_button)
         self.setMaximumHeight(MOST_HEIGHT_PX)  # the plots need the rest
-        column = QVBoxLayout(self)
-        column.addWidget(self.table)
-        column.addLayout(below)
+        self.setLayout(column_of(self.table, row_of((self.changes, 1), self.write_button)))
 
     def read(self) -> None:
         def job() -> str:
-            values = self._feed.device.parameters()
+            values = self._feed.read_parameters()
             self.answered.emit(values)
             return f"{len(values)} parameters"
 

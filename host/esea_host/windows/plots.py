@@ -23,21 +23,24 @@ from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
-MOST_BANDS, AXIS_PX, BANDS_PX = 6, 140, 150
+MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 78
+LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
+FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
 DEG = 180 / math.pi
 Shown = Mapping[str, Stretch]
-# Of a plot its title and unit, then of each signal its column, unit and label.
+# Of a plot its title, unit and limits, then of each signal its column, unit and label.
 PANELS = (
     (
-        ("Torque", "Nm"),
+        ("Torque", "Nm", "-tau_max_Nm", "tau_max_Nm"),
         ("tau_desired_Nm", "Nm", "wanted"),
         ("tau_set_Nm", "Nm", "set"),
         ("tau_Nm", "Nm", "measured"),
     ),
-    (("Deflection", "deg"), ("theta_rad", "rad", "deflection")),
-    (("Joint", "deg"), ("theta_load_rad", "rad", "angle")),
-    (("Motor", "Nm"), ("u_Nm", "Nm", "command")),
+    (("Deflection", "deg", "-theta_max_rad", "theta_max_rad"), ("theta_rad", "rad", "deflection")),
+    (("Joint", "deg", "rom_min_rad", "rom_max_rad"), ("theta_load_rad", "rad", "angle")),
+    (("Motor", "Nm", "-u_max_Nm", "u_max_Nm"), ("u_Nm", "Nm", "command")),
 )
+Head = tuple[str, str, str, str]
 LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
 
 
@@ -85,8 +88,18 @@ class AxisColumns:
             signal_of(self._streams[n], n, u, label) for n, u, label in own if n in self._streams
         ]
 
-    def panels(self, axis: str) -> list[tuple[tuple[str, str], list[ShownSignal]]]:
-        """Title and unit of each plot that has signals, and these."""
+    def limits(self, head: Head, axis: str) -> tuple[float, float]:
+        """The limits of a plot in its unit, as the board told them last; NaN before."""
+        found = []
+        for name in head[2:]:
+            sign, own = (-1.0, name[1:]) if name[0] == "-" else (1.0, name)
+            instance = f"limits_{axis}" if axis else "limits"
+            value = self._feed.values.get(f"{instance}.{own}", math.nan)
+            found.append(sign * value * (DEG if head[1] == "deg" else 1.0))
+        return found[0], found[1]
+
+    def panels(self, axis: str) -> list[tuple[Head, list[ShownSignal]]]:
+        """The head of each plot that has signals, and these."""
         found = [(head, self.signals(wanted, axis)) for head, *wanted in PANELS]
         return [(head, signals) for head, signals in found if signals]
 
@@ -168,6 +181,12 @@ class TimePlot(SignalPlot):
         super().__init__(area.addPlot(row=row, col=0), title, left=unit)
         self.item.getAxis("bottom").setStyle(showValues=False)
         self.item.getAxis("left").setWidth(AXIS_PX)
+        self.limit_lines = [pg.InfiniteLine(angle=0) for _ in range(2)]
+        for line in self.limit_lines:
+            line.setVisible(False)
+            # Where the curve comes near, and not to make it small.
+            self.item.addItem(line, ignoreBounds=True)
+        self.item.vb.setLimits(minYRange=LEAST_SPAN.get(unit))
         self.cursors = [pg.InfiniteLine(angle=90, movable=True) for _ in range(2)]
         for line in self.cursors:
             line.setVisible(False)
@@ -177,6 +196,14 @@ class TimePlot(SignalPlot):
         super().show(signals, theme, colours)
         for line in self.cursors:
             line.setPen(pg.mkPen(theme.ink, style=Qt.PenStyle.DashLine))
+        for line in self.limit_lines:
+            line.setPen(pg.mkPen(theme.alarm, width=2, style=Qt.PenStyle.DashDotLine))
+
+    def place_limits(self, ends: tuple[float, float]) -> None:
+        for line, at in zip(self.limit_lines, ends, strict=True):
+            line.setVisible(math.isfinite(at))
+            if math.isfinite(at) and line.value() != at:
+                line.setValue(at)
 
     def draw(self, shown: Shown) -> None:
         for signal, drawn in zip(self.signals, self.curves, strict=True):
@@ -264,7 +291,7 @@ class LimitBands(PlotPanel):
         self.dress(theme)
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
-        return [f for s, f in self.flags if len(shown[s].rows) and f.held(shown[s].rows[-1:])[0]]
+        return [f for s, f in self.flags if f.held(shown[s].rows).any()]
 
     def draw(self, shown: Shown, left_s: float, right_s: float) -> None:
         """Draw those that acted between two times; the latest to begin come first."""
@@ -291,26 +318,38 @@ class LimitBands(PlotPanel):
 
 
 class LoopPlot(PlotPanel):
-    """Torque over deflection: the hysteresis of the elastomer."""
+    """Torque over deflection: the hysteresis of the elastomer, a line that fades with its age."""
 
     def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
-        super().__init__(area.addPlot(row=0, col=0), "Torque over deflection")
+        title = f"Torque over deflection (means of {MEAN_ROWS} samples)"
+        super().__init__(area.addPlot(row=0, col=0), title)
         self.x, self.y = x, y
-        self._past, self._now = self.item.plot(antialias=True), self.item.plot(symbol="o")
+        self._past = [self.item.plot(antialias=True) for _ in range(FADES)]
+        self._now = self.item.plot(symbol="o")
+        self.item.vb.setLimits(minXRange=LEAST_SPAN["deg"], minYRange=LEAST_SPAN["Nm"])
 
     def show(self, theme: Theme) -> None:
-        self._past.setPen(pg.mkPen(theme.measured, width=1))
+        for age, part in enumerate(reversed(self._past)):
+            colour = pg.mkColor(theme.measured)
+            colour.setAlpha(round(255 * (1 - age / FADES)))
+            part.setPen(pg.mkPen(colour, width=1))
         self._now.setSymbolBrush(theme.measured)
         self._now.setSymbolPen(theme.ink)
         self.bottom, self.left = (f"{s.label} [{s.unit}]" for s in (self.x, self.y))
         self.dress(theme)
 
     def draw(self, shown: Shown) -> None:
-        """Rows are thinned here, for a peak has two values."""
-        part = shown[self.x.stream]
-        step = max(1, len(part.rows) // MOST_POINTS)
-        x, y = self.x.values(shown)[::step], self.y.values(shown)[::step]
-        self._past.setData(x, y)
+        """Moving means: single rows are a sawtooth of the encoders' steps."""
+        stretch = shown[self.x.stream]
+        if len(stretch.rows) < MEAN_ROWS:
+            return
+        step = -(-len(stretch.rows) // MOST_POINTS)
+        same = slice(-stretch.first % step, None, step)  # rows of the picture before
+        box = np.full(MEAN_ROWS, 1 / MEAN_ROWS)
+        x, y = (np.convolve(s.values(shown), box, "valid")[same] for s in (self.x, self.y))
+        ends = np.linspace(0, len(x), FADES + 1).astype(int)
+        for part, a, b in zip(self._past, ends, ends[1:], strict=False):
+            part.setData(x[a : b + 1], y[a : b + 1])
         self._now.setData(x[-1:], y[-1:])
 
 

@@ -70,8 +70,11 @@ BANNER_STYLE = (
     f"background: {BANNER_GROUND}; color: white; font-weight: bold; padding: 2px 8px;"
     " border-radius: 3px"
 )
-STOP_STYLE = (
-    "QPushButton {background: #b3261e; color: white; font-size: 20px; font-weight: bold;"
-    " border-radius: 6px; padding: 10px 26px;}"
-    "QPushButton:pressed {background: #7d1410;}"
-)
+# Ground and letters of a state, in both themes; 4.5 to 1 or more.
+STATE_STYLES = {
+    "alarm": ("#b3261e", "#ffffff"),
+    "caution": ("#ffbf00", "#000000"),
+    "moving": ("#00558c", "#ffffff"),
+    "good": ("#00775a", "#ffffff"),
+    "rest": ("#5f6b76", "#ffffff"),
+}

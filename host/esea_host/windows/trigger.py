@@ -7,9 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QLabel, QWidget
 
 from esea_host.windows.feed import Floats, Stretch
+from esea_host.windows.frame import push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.plots import ShownSignal
 
@@ -84,21 +85,12 @@ class TriggerBar(QWidget):
         self.level = NumberField(-1e6, 1e6, 0.1)
         self.mode.addItems(list(MODES))
         self.edge.addItems(["rises", "falls"])
-        self.again = QPushButton("Again")
-        self.again.clicked.connect(self.apply)
-        row = QHBoxLayout(self)
+        self.again = push_button("Again", self.apply)
+        mode, when, through = (QLabel(text) for text in ("Trigger", "when", "through"))
+        ends = (self.level.box, self.again, (QWidget(), 1))
+        row = row_of(mode, self.mode, when, self.source, self.edge, through, *ends)
         row.setContentsMargins(4, 0, 4, 0)
-        for text, widget in (
-            ("Trigger", self.mode),
-            ("when", self.source),
-            ("", self.edge),
-            ("through", self.level.box),
-            ("", self.again),
-        ):
-            if text:
-                row.addWidget(QLabel(text))
-            row.addWidget(widget)
-        row.addStretch(1)
+        self.setLayout(row)
         self.offer(signals)
         self.source.currentIndexChanged.connect(self._unit)
         for signal in (self.mode.currentIndexChanged, self.edge.currentIndexChanged):

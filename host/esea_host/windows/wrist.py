@@ -6,7 +6,6 @@ import contextlib
 import time
 from collections.abc import Callable
 from functools import partial
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +24,8 @@ from esea_host.windows.frame import (
     column_of,
     push_button,
     row_of,
-    state_colour,
 )
-from esea_host.windows.meanings import link_text, state_text
+from esea_host.windows.meanings import link_text
 from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
@@ -131,9 +129,9 @@ class WristWindow(StopWindow):
         self._rows = feed.device.subscribe(list(display.streams))
         identity = feed.device.identity
         mark = "SIMULATED" if feed.device.simulated else ""
-        who = f"{identity.device.name} on {identity.board}"
-        self._who = f"<b>{mark}</b> {escape(who)}"
-        self.setWindowTitle(f"{mark} {who}: wrist display - esea-host".strip())
+        self._who = f"{identity.device.name} on {identity.board}"
+        self.setWindowTitle(f"{mark} {self._who}: wrist display - esea-host".strip())
+        self.bar.mark(mark, self._who)
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -146,39 +144,32 @@ class WristWindow(StopWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.words, self.note = QLabel(), plain_label(), plain_label()
-        for label in (self.words, self.note):
-            label.setWordWrap(True)
+        self.note = plain_label()
+        self.note.setWordWrap(True)
         self.note.setMinimumHeight(40)
         raw = _Pane()
         self.panes: dict[str, SceneView] = {"raw": raw, "normalised": SceneView()}
         self.heads = {n: QLabel() for n in self.panes}
-        self.readouts = {n: QLabel() for n in self.panes}
-        for label in (*self.heads.values(), *self.readouts.values()):
+        for label in self.heads.values():
             # No text widens its column.
             label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
         grid = QGridLayout()
         for column, name in enumerate(self.panes):
-            for row, part in enumerate((self.heads[name], self.panes[name], self.readouts[name])):
-                grid.addWidget(part, row, column)
+            grid.addWidget(self.heads[name], 0, column)
+            grid.addWidget(self.panes[name], 1, column)
             grid.setColumnStretch(column, 5)
         self._area = pg.GraphicsLayoutWidget()
         self._plots = [_FactorPlot(self._area, row, axis) for row, axis in enumerate(AXES)]
-        grid.addWidget(self._area, 0, 2, 3, 1)
+        grid.addWidget(self._area, 0, 2, 2, 1)
         grid.setColumnStretch(2, 5)
         grid.setRowStretch(1, 1)
-        top = row_of((column_of(self.state, self.words), 1), self.stop_button)
-        self.fill(column_of(top, self._bar(), (grid, 1), self.note))
+        self.fill(column_of(self._bar(), (grid, 1), self.note))
         if self._lead is not None:
             raw.dragged.connect(self._dragged)
 
     def _bar(self) -> QHBoxLayout:
-        device = self.feed.device
         self.buttons: dict[str, QPushButton] = {}
         jobs: dict[str, Job] = {
-            "Release": partial(self.feed.do, "release", device.release),
-            "Zero": partial(self.feed.do, "zero", device.zero),
-            "Arm": partial(self.feed.do, "arm", device.arm),
             "Healthy": partial(self.constrain, False),
             "Constrained": partial(self.constrain, True),
             "Calibrate": self.calibrate,
@@ -187,20 +178,14 @@ class WristWindow(StopWindow):
         for name, job in jobs.items():
             made = self.buttons[name] = push_button(name, job, focus=False)
             made.setCheckable(name in ("Healthy", "Constrained"))
-            needs_motor = name in ("Arm", "Healthy", "Constrained")
+            needs_motor = name in ("Healthy", "Constrained")
             made.setVisible(self.keeper.there or not needs_motor)
         self.confirmed = QLabel()
         return row_of(*self.buttons.values(), (self.confirmed, 1))
 
     def _actions(self) -> None:
-        acknowledge = partial(self.feed.do, "acknowledge", self.feed.device.clear)
-        jobs: list[tuple[str, str, Job]] = [
-            ("STOP: Space or Escape", "F12", self.stop),
-            ("Disarm", "Ctrl+D", self.disarm),
-            ("Acknowledge fault", "Ctrl+L", acknowledge),
-            ("Dark, light", "T", self.toggle_theme),
-        ]
-        self.add_menu("&Board", jobs)
+        self.add_menu("&View", [("Dark, light", "T", self.toggle_theme)])
+        self.add_board_steps(self.feed, self.keeper.there, self._rest)
 
     # -- asking ------------------------------------------------------------------------------------
 
@@ -210,9 +195,8 @@ class WristWindow(StopWindow):
         self.stop_asked_s = time.monotonic()
         self._end_guide("The calibration was stopped.")
 
-    def disarm(self) -> None:
+    def _rest(self) -> None:
         self.keeper.arms = False
-        self.feed.do("disarm", self.feed.device.disarm)
 
     def constrain(self, wanted: bool) -> None:
         if self.display.guide is None:
@@ -301,22 +285,14 @@ class WristWindow(StopWindow):
             self._tell(picture)
 
     def _tell(self, picture: DisplayPicture) -> None:
-        theme, news, guide = self.theme, self.feed.news, self.display.guide
-        colour = state_colour(theme, news.state)
-        self.state.setText(
-            f'<span style="font-size:18px"><b style="color:{colour}">{escape(news.state)}</b>'
-            f" &nbsp; {self._who}</span>"
-        )
-        alarm = "  ".join([*self.alarms(self.feed), *filter(None, [self.keeper.said])])
-        self.words.setStyleSheet(f"color: {theme.alarm if alarm else theme.ink}")
-        dialect = self.feed.device.session.dialect
-        self.words.setText(alarm or f"{state_text(dialect, news.state)}  {link_text(news.health)}")
+        guide = self.display.guide
+        self.tell_board(self.feed, [self.keeper.said])
+        self.bar.who.setText(f"{self._who}  |  {link_text(self.feed.news.health)}")
         self.confirmed.setText(self._constraint(picture.acts))
         for name, wanted in (("Healthy", False), ("Constrained", True)):
             self.buttons[name].setChecked(self.keeper.wanted is wanted)
             self.buttons[name].setEnabled(guide is None)
         self.buttons["Calibrate"].setText("Calibrate" if guide is None else "End calibration")
-        self.buttons["Release"].setVisible(news.state == "STOPPED")
         self.buttons["Repeat step"].setVisible(guide is not None)
         self._heads(picture)
         self.note.setText(self._note())
@@ -336,10 +312,8 @@ class WristWindow(StopWindow):
             ("raw", [a.theta_deg for a in picture.axes]),
             ("normalised", [a.cursor_deg for a in picture.axes]),
         ):
-            told = " &nbsp; ".join(
-                f"{a} <b>{round(v) + 0.0:+.0f}°</b>" for a, v in zip(AXES, values, strict=True)
-            )
-            self.readouts[name].setText(f'<span style="font-size:32px">{told}</span>')
+            for axis, value in zip(AXES, values, strict=True):
+                self.bar.show_value(f"{name} {axis} [deg]", f"{round(value) + 0.0:+.0f}")
 
     def _constraint(self, acts: bool | None) -> str:
         if acts is None:

@@ -50,10 +50,9 @@ def run_wrist(
             act("lead", *map(math.radians, angles_deg))
 
     window = WristWindow(feed, display, keeper, dark, lead, save_to)
-    window.resize(WIDTH, HEIGHT)
     window.start()
     try:
-        run_until_closed(window, seconds, screenshot)
+        run_until_closed(window, seconds, screenshot, (WIDTH, HEIGHT))
     finally:
         keeper.close()
         feed.close()

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QCloseEvent, QColor, QPainter, QPaintEvent
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QCloseEvent, QColor
 from PySide6.QtWidgets import (
-    QGridLayout,
     QHBoxLayout,
     QHeaderView,
     QLabel,
@@ -19,7 +18,6 @@ from PySide6.QtWidgets import (
     QTableWidget,
     QTableWidgetItem,
     QVBoxLayout,
-    QWidget,
 )
 
 from esea_host.connection import ConnectedDevice
@@ -30,55 +28,18 @@ from esea_host.study.session import RUNNING
 from esea_host.study.source import Gauge
 from esea_host.study.task import task_named
 from esea_host.study.words import KeyedText, Words, keyed
+from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
-from esea_host.windows.frame import Job, StopWindow, column_of, push_button, row_of
+from esea_host.windows.frame import Job, StopWindow, column_of, row_of
 from esea_host.windows.study.adverse import AdversePanel
 from esea_host.windows.study.scene_view import SceneView
-from esea_host.windows.theme import BANNER_STYLE, DARK, LIGHT, Theme, plain_label, plain_tip
+from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label, plain_tip
 
-TURN_MS = 100
+TURN_MS, MOST_READOUTS = 100, 4
 COLUMNS = ("", "state", "block", "task", "condition", "reason")
-NEAR = 0.85  # of the way to a limit
+IN_BAR = ("pause", "recentre", "open")
+REASONED = ("note", "repeat_this_trial", "repeat_block", "skip_this_trial")
 BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "aborted": "alarm"}
-
-
-class GaugeBar(QWidget):
-    """Name, value, unit; under them a bar from limit to limit with a mark where the value is."""
-
-    def __init__(self, words: Words) -> None:
-        super().__init__()
-        self.gauge, self.theme, self.words = Gauge("", 0.0, -1.0, 1.0, ""), LIGHT, words
-        self.setMinimumSize(180, 44)
-
-    def sizeHint(self) -> QSize:
-        return QSize(260, 44)
-
-    @property
-    def near(self) -> bool:
-        g = self.gauge
-        middle, half = (g.low + g.high) / 2, (g.high - g.low) / 2
-        return not abs(g.value - middle) <= NEAR * half
-
-    def paintEvent(self, _: QPaintEvent) -> None:
-        painter, g, theme = QPainter(self), self.gauge, self.theme
-        low, now, high = (
-            self.words.format_field(round(x, 2) + 0.0, ".2f") for x in (g.low, g.value, g.high)
-        )
-        name = " ".join(self.words.or_same("gauge", part) for part in g.name.split())
-        painter.setPen(QColor(theme.alarm if self.near else theme.ink))
-        space = "" if g.unit == "deg" else "\u00a0"
-        unit = self.words.or_same("gauge", g.unit)
-        painter.drawText(0, 14, f"{name}: {now}{space}{unit}")
-        painter.setPen(QColor(theme.soft))
-        painter.drawText(0, 42, low)
-        width = float(self.width() - 2)
-        painter.drawText(int(width) - painter.fontMetrics().horizontalAdvance(high), 42, high)
-        painter.fillRect(QRectF(0, 19, width, 8), QColor(theme.ground))
-        if math.isfinite(g.value) and g.high > g.low:
-            share = min(max((g.value - g.low) / (g.high - g.low), 0.0), 1.0)
-            colour = QColor(theme.alarm if self.near else theme.measured)
-            painter.fillRect(QRectF(share * (width - 6), 17, 6, 12), colour)
-        painter.end()
 
 
 class OperatorWindow(StopWindow):
@@ -91,7 +52,7 @@ class OperatorWindow(StopWindow):
         board: ConnectedDevice | None = None,
         dark: bool = False,
     ) -> None:
-        super().__init__()
+        super().__init__(words("operator.stop"), words("operator.escape_closed"))
         self.conductor, self.words, self.board = conductor, words, board
         self.stopper = StopSender(board) if board is not None else None
         study = conductor.study
@@ -104,9 +65,9 @@ class OperatorWindow(StopWindow):
         if self.group:
             group = words("operator.blinded") if self._blind else self.group
             who = words("operator.group", who=who, group=group)
-        self.banner = plain_label(words(f"banner.{conductor.banner}") if conductor.banner else "")
-        self.who = plain_label(who)
-        self.setWindowTitle(" - ".join(filter(None, (self.banner.text(), who, "esea-host"))))
+        banner = words(f"banner.{conductor.banner}") if conductor.banner else ""
+        self.bar.mark(banner, who)
+        self.setWindowTitle(" - ".join(filter(None, (banner, who, "esea-host"))))
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -116,33 +77,29 @@ class OperatorWindow(StopWindow):
     # -- what there is -----------------------------------------------------------------------------
 
     def _build(self) -> None:
-        self.state, self.advice, self.now = QLabel(), QLabel(), QLabel()
-        self.timers, self.coming = plain_label(), plain_label()
-        self.said = plain_label()
+        self.now, self.timers, self.coming = QLabel(), plain_label(), plain_label()
         # A reason may be long: it must not widen the window.
-        for label in (self.state, self.advice, self.now, self.timers, self.coming, self.said):
+        for label in (self.now, self.timers, self.coming):
             label.setWordWrap(True)
-        self.banner.setStyleSheet(BANNER_STYLE)
-        self.banner.setVisible(bool(self.banner.text()))
-        self.stop_button.setText(self.words("operator.stop"))
         self.scene = SceneView(self.words)
         self.scene.setMinimumSize(200, 160)
         self.adverse = AdversePanel(self.conductor, self.words)
         self._build_trials()
-        whose = row_of(self.banner, (self.who, 1))
-        top = row_of((column_of(self.state, whose), 1), self.stop_button)
         middle = row_of((column_of(self.adverse, (self.trials, 1)), 3), (self._side(), 2))
-        self.fill(column_of(top, (middle, 1), self._bottom(), self.said))
+        self.fill(column_of((middle, 1), self._build_steps()))
         self.trials.setFocus()  # not where keys are letters
 
     def _side(self) -> QVBoxLayout:
-        self.gauges = [GaugeBar(self.words) for _ in self.conductor.source.gauges()]
         self.happened = QListWidget()
         self.happened.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        labels, gauges = (self.now, self.timers, self.coming, self.advice), QGridLayout()
-        for k, gauge in enumerate(self.gauges):  # of two axes side by side
-            gauges.addWidget(gauge, *divmod(k, max(1, len(self.gauges) // 2)))
-        return column_of((self.scene, 3), *labels, gauges, (self.happened, 2))
+        labels = self.now, self.timers, self.coming
+        return column_of((self.scene, 3), *labels, (self.happened, 2))
+
+    def _caption(self, g: Gauge) -> str:
+        words = self.words
+        name = " ".join(words.or_same("gauge", part) for part in g.name.split())
+        ends = (words.format_field(x, ".3g") for x in (g.low, g.high))
+        return f"{name} [{words.or_same('gauge', g.unit)}], {' … '.join(ends)}"
 
     def _build_trials(self) -> None:
         plan, words = self.conductor.plan, self.words
@@ -185,28 +142,30 @@ class OperatorWindow(StopWindow):
     def _condition(self, trial: PlannedTrial) -> str:
         return self.words("operator.hidden") if self._hides(trial) else trial.condition
 
-    def _bottom(self) -> QHBoxLayout:
+    def _build_steps(self) -> QHBoxLayout:
+        # What a reason is written for stands beside where it is written.
         self.written = QLineEdit()
         self.written.setPlaceholderText(self.words("operator.write_here"))
         self.written.returnPressed.connect(self.note)
-        jobs: dict[str, Job] = {
-            "operator.note": self.note,
-            "operator.pause": self.pause,
-            "operator.recentre": self.conductor.recentre,
-            "operator.repeat_this_trial": self.repeat,
-            "operator.repeat_block": self.repeat_block,
-            "operator.skip_this_trial": self.skip,
-            "adverse.open": self.adverse.open,
+        jobs: dict[str, tuple[str, Job]] = {
+            "operator.pause": ("P", self.pause),
+            "operator.recentre": ("R", self.conductor.recentre),
+            "adverse.open": ("E", self.adverse.open),
+            "operator.note": ("N", self.note),
+            "operator.repeat_this_trial": ("Ctrl+R", self.repeat),
+            "operator.repeat_block": ("Ctrl+B", self.repeat_block),
+            "operator.skip_this_trial": ("Ctrl+K", self.skip),
         }
         self.buttons = {
-            key.partition(".")[2]: push_button(self.words(key), job, focus=False)
-            for key, job in jobs.items()
+            key.partition(".")[2]: StepButton(self.words(key), *job) for key, job in jobs.items()
         }
-        return row_of((self.written, 1), *self.buttons.values())
+        for name in IN_BAR:
+            self.bar.add_step(name, self.buttons[name])
+        return row_of((self.written, 1), *(b for n, b in self.buttons.items() if n not in IN_BAR))
 
     def _actions(self) -> None:
         jobs: list[tuple[str, str, Job]] = [
-            ("operator.stop_keys", "F12", self.stop),
+            ("operator.stop_keys", "", self.stop),
             ("operator.pause_or_go_on", "P", self.pause),
             ("operator.recentre", "R", self.conductor.recentre),
             ("operator.note", "N", self.written.setFocus),
@@ -266,8 +225,7 @@ class OperatorWindow(StopWindow):
 
     def refresh(self) -> None:
         c, words = self.conductor, self.words
-        word = escape(self._word())
-        self.state.setText(f'<b style="font-size:22px; color:{self._colour()}">{word}</b>')
+        self._tell()
         scene, trial = c.screen().scene, c.trial
         hides = trial is not None and self._hides(trial)
         self.scene.show_scene(replace(scene, shapes=()) if hides else scene)
@@ -277,27 +235,40 @@ class OperatorWindow(StopWindow):
             self.now.setText(f"<b>{escape(trial.block)}</b> &nbsp; {of} &nbsp; {again}")
         self.timers.setText(self._times())
         self.coming.setText(self._next())
-        colour = self.theme.alarm
-        advice = (f'<p style="color:{colour}">{escape(words.of(a))}</p>' for a in c.advice[:3])
-        self.advice.setText("".join(advice))
-        self.said.setText(words.of(c.said))
-        for bar, gauge in zip(self.gauges, c.source.gauges(), strict=False):
-            bar.gauge = gauge
-            bar.update()
+        for gauge in c.source.gauges()[:MOST_READOUTS]:
+            value = words.format_field(gauge.value, ".1f" if gauge.unit == "deg" else ".2f")
+            colour = self.theme.alarm if gauge.near else ""
+            self.bar.show_value(gauge.name, value, self._caption(gauge), colour)
         self._list_trials()
         self._list_events()
         waits = c.paused or c.phase == HELD
-        self.buttons["pause"].setText(words("operator.go_on" if waits else "operator.pause"))
+        names = {"pause": words("operator.go_on" if waits else "operator.pause")}
         switches = task_named(trial.task, "plan").switches if trial is not None else ()
         self.buttons["recentre"].setVisible("recentre" in switches)
         if self.chosen is not None:
             for what in ("repeat", "skip"):
                 text = words(f"operator.{what}_trial", number=self.chosen.number)
-                self.buttons[f"{what}_this_trial"].setText(text)
-        for name, button in self.buttons.items():
-            button.setEnabled(c.phase != OVER or name == "open")
+                names[f"{what}_this_trial"] = text
+        self._refuse(names)
         self.adverse.stop_trial.setEnabled(c.phase == RUNNING)
         self.adverse.look()
+
+    def _refuse(self, names: Mapping[str, str]) -> None:
+        # Each button that would do nothing tells why.
+        c, words = self.conductor, self.words
+        over = words("operator.is_over") if c.phase == OVER else ""
+        reason = "" if self.written.text().strip() else words("operator.needs_reason")
+        for name, button in self.buttons.items():
+            given = reason if name in REASONED else ""
+            button.refuse("" if name == "open" else over or given, names.get(name, ""))
+
+    def _tell(self) -> None:
+        c, words = self.conductor, self.words
+        word, _, why = self._word().partition(": ")
+        self.bar.show_state(word, self._role())
+        advice = [words.of(a) for a in c.advice[:3]]
+        told = " ".join(filter(None, (why, *advice)))
+        self.bar.tell(told or self._next(), self.theme, alarm=bool(told), said=words.of(c.said))
 
     def _word(self) -> str:
         c, words = self.conductor, self.words
@@ -320,11 +291,11 @@ class OperatorWindow(StopWindow):
         holds = c.trial is not None and "pause" in task_named(c.trial.task, "plan").switches
         return words("operator.paused" if holds else "operator.running_to_pause")
 
-    def _colour(self) -> str:
+    def _role(self) -> str:
         c = self.conductor
         if c.phase == OVER:
-            return self.theme.alarm if c.reason or c.error else self.theme.good
-        return self.theme.measured if c.phase == RUNNING else self.theme.wanted
+            return "alarm" if c.reason or c.error else "good"
+        return "moving" if c.phase == RUNNING else "caution" if c.phase == HELD else "rest"
 
     def _times(self) -> str:
         c, words = self.conductor, self.words
@@ -381,8 +352,6 @@ class OperatorWindow(StopWindow):
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
         self.adverse.theme = theme
-        for bar in self.gauges:
-            bar.theme = theme
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:

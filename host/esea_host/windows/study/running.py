@@ -34,7 +34,6 @@ def run_windows(
     of_operator, of_participant = qt_application(dark), dark is not False
     participant = ParticipantWindow(conductor, words, of_participant, patch)
     operator = OperatorWindow(conductor, words, board, of_operator)
-    operator.resize(1240, 820)
     if point is not None:
         participant.point = point
     participant.place()
@@ -53,7 +52,7 @@ def run_windows(
     timer.timeout.connect(look)
     timer.start(LOOK_MS)
     try:
-        run_until_closed(operator)
+        run_until_closed(operator, size_px=(1240, 820))
     finally:
         conductor.stop(keyed("reason.windows_closed"))
         conductor.join(10.0)

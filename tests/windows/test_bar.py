@@ -1,0 +1,225 @@
+"""The bar on top of every window: STOP in view at any size, its keys, and what would be refused."""
+
+from __future__ import annotations
+
+import math
+import os
+
+import pytest
+
+from esea_host.assess.desk import ClinicDesk
+from esea_host.assess.patients import DEG
+from esea_host.assess.probing import Comfort
+from esea_host.assess.session import Assessment
+from esea_host.commissioning import (
+    STEPS,
+    CommissioningRecord,
+    StepOptions,
+    simulated_bench,
+)
+from esea_host.simulated import LockstepDevice
+from esea_host.study.conductor import Conductor
+from esea_host.study.source import SimulatedSource
+from esea_host.windows.feed import LiveFeed
+from esea_host.windows.meanings import refusals
+from tests.assess.test_assess import made_up
+from tests.conducted import TRACKING, of_tasks, study_of
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+# 1440 x 900 at twice the size leaves 720 x 450, less the title of a window.
+SIZES_PX = ((1280, 720), (1366, 768), (1920, 1080), (1440, 900), (720, 425))
+LONG = "A refusal of the board that is as long as such a text can be, and then longer. " * 3
+
+
+@pytest.fixture
+def feed(simulated_elbow):
+    simulated_elbow.restart()
+    made = LiveFeed(LockstepDevice(simulated_elbow), None, kept_s=2.0, threaded=False)
+    made.came_s = math.inf  # its clock stands still, and it is not away
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def live(feed, qtbot):
+    from esea_host.windows.live import LiveWindow
+
+    window = LiveWindow(feed)
+    window.timer.stop()
+    qtbot.addWidget(window)
+    window.show()
+    return window
+
+
+def live_with_all_docks(feed, live, tmp_path):
+    from esea_host.windows.arm import add_arms
+
+    add_arms(live, feed, lambda *_: None)
+    for name in ("Channels", "Parameters"):
+        live.toggle_dock(name)
+    live.toggle_trigger()
+    live.toggle_spectrum()
+    feed.news.said = LONG
+    live.draw()
+    return live
+
+
+def commissioning(feed, live, tmp_path):
+    from esea_host.windows.commission import CommissioningWindow
+
+    bench = simulated_bench(feed.device.drive)
+    return CommissioningWindow(bench, STEPS, StepOptions(), CommissioningRecord(tmp_path, "x"))
+
+
+def operator(feed, live, tmp_path):
+    from esea_host.windows.study.operator import OperatorWindow
+
+    study = study_of(tmp_path / "s", of_tasks(TRACKING))
+    conductor = Conductor(study, "P01", 0, SimulatedSource(3))
+    conductor.advice, conductor.said = (LONG,), LONG
+    window = OperatorWindow(conductor, study.protocol.words("de"))
+    conductor.start()  # a session that is not run keeps its folder
+    conductor.stop("enough")
+    window.adverse.open()
+    window.refresh()
+    return window
+
+
+def wrist(feed, live, tmp_path):
+    from esea_host.windows.wrist_running import FilmedWrist
+
+    made = FilmedWrist("wrist_board", tmp_path / "w.toml")
+    made.draw()
+    return made.window
+
+
+@pytest.mark.parametrize("made", [live_with_all_docks, commissioning, operator, wrist])
+def test_stop_is_complete_and_at_its_place_at_every_size(feed, live, qtbot, tmp_path, made):
+    from PySide6.QtCore import QPoint, QSize
+    from PySide6.QtWidgets import QApplication
+
+    window = made(feed, live, tmp_path)
+    qtbot.addWidget(window)
+    window.timer.stop()
+    button = window.stop_button
+    for width, height in SIZES_PX:
+        window.resize(width, height)
+        window.show()
+        for _ in range(3):  # letters grow with the window, and ask for room
+            QApplication.processEvents()
+        assert (window.width(), window.height()) == (width, height)
+        corner = button.mapTo(window, QPoint(button.width(), 0))
+        assert button.size() == QSize(150, 92)
+        assert (width - corner.x(), corner.y()) == (8, window.menus.height() + 4)
+        assert button.visibleRegion().boundingRect() == button.rect()
+        for step in (s for s in window.bar.steps.values() if s.isVisible()):
+            assert step.visibleRegion().boundingRect() == step.rect(), step.name
+        red = window.grab().toImage().pixelColor(corner - QPoint(12, -12))
+        assert (red.red() > 150, red.green() < 80) == (True, True)
+    window.close()
+
+
+def test_without_a_motor_the_place_of_stop_says_so(qtbot):
+    from esea_host.windows.assess import AssessWindow
+
+    window = AssessWindow(ClinicDesk(Assessment(made_up()), Comfort(0, 120 * DEG)))
+    window.timer.stop()
+    qtbot.addWidget(window)
+    window.resize(720, 425)
+    window.show()
+    assert "nothing to stop" in window.stop_button.text()
+    assert not window.stop_button.isEnabled()
+    assert window.stop_button.visibleRegion().boundingRect() == window.stop_button.rect()
+
+
+def test_escape_that_closes_a_menu_does_not_stop_and_says_so(live, qtbot):
+    from PySide6.QtCore import QEvent, QPoint, Qt
+    from PySide6.QtGui import QKeyEvent
+    from PySide6.QtTest import QTest
+    from PySide6.QtWidgets import QApplication, QLineEdit
+
+    menu = live.menus.actions()[0].menu()
+
+    def opened():
+        live.stop_asked_s = 0.0
+        menu.popup(live.mapToGlobal(QPoint(0, 20)))
+        qtbot.waitUntil(menu.isVisible, timeout=120_000)
+
+    opened()
+    QTest.keyClick(menu, Qt.Key.Key_Escape)
+    assert not menu.isVisible()
+    assert live.stop_asked_s == 0.0
+    live.draw()
+    assert "stopped nothing" in live.bar.said.text()
+    QTest.keyClick(live, Qt.Key.Key_Escape)
+    assert live.stop_asked_s > 0.0
+    for key in (Qt.Key.Key_Space, Qt.Key.Key_F12):
+        opened()
+        QTest.keyClick(menu, key)
+        assert live.stop_asked_s > 0.0, key
+        menu.close()
+    opened()  # held down: it closes the menu, then it stops, and once only
+    QTest.keyPress(menu, Qt.Key.Key_Escape)
+    pressed = QEvent.Type.KeyPress, Qt.Key.Key_Escape, Qt.KeyboardModifier.NoModifier
+    for stops in (True, False):
+        live.stop_asked_s = 0.0
+        QApplication.sendEvent(live, QKeyEvent(*pressed, "", True))
+        assert (live.stop_asked_s > 0.0) == stops
+    opened()  # the first press of the mouse is the menu's own
+    QTest.mousePress(menu, Qt.MouseButton.LeftButton, pos=menu.mapFromGlobal(
+        live.stop_button.mapToGlobal(live.stop_button.rect().center())))  # fmt: skip
+    assert live.stop_asked_s > 0.0
+    menu.close()
+    field = live.channels.search
+    live.toggle_dock("Channels")
+    live.stop_asked_s = 0.0
+    live.activateWindow()
+    field.setFocus()
+    qtbot.waitUntil(lambda: isinstance(QApplication.focusWidget(), QLineEdit), timeout=120_000)
+    QTest.keyClick(field, Qt.Key.Key_Space)
+    assert (field.text(), live.stop_asked_s) == (" ", 0.0)
+    QTest.keyClick(field, Qt.Key.Key_F12)
+    assert live.stop_asked_s > 0.0
+
+
+def test_zero_during_motion_is_refused_with_the_reason_and_a_failed_one_is_told(feed, live):
+    """The simulated person moves from the start; a board does not tell that it took no zero."""
+    feed.device.advance(0.3)
+    feed.gather()
+    assert feed.moves
+    live.bar.steps["Zero"].click()
+    feed.news.state = "UNREFERENCED"
+    live.draw()
+    assert live.bar.steps["Zero"].text() == "Zero\nthe joint moves"
+    assert not live.bar.steps["Zero"].isEnabled()
+    zero = next(a for m in live.menus.actions() for a in m.menu().actions() if a.text() == "Zero")
+    zero.trigger()
+    live.draw()
+    assert live.bar.said.text() == "Zero refused: the joint moves."
+    feed.device.state = lambda: "UNREFERENCED"
+    feed.device.zero = lambda: None
+    feed.zero()
+    feed.ask()
+    assert feed.news.said == "Zero"
+    feed.zero_s -= 1.0
+    feed.ask()
+    assert feed.news.said.startswith("Zero failed: the joint moved")
+
+
+@pytest.mark.parametrize(
+    ("state", "given", "allowed"),
+    [
+        ("UNREFERENCED", {}, {"Zero", "Disarm"}),
+        ("UNREFERENCED", {"moves": True}, {"Disarm"}),
+        ("READY", {}, {"Zero", "Arm", "Disarm"}),
+        ("ACTIVE", {}, {"Disarm"}),
+        ("STOPPED", {}, {"Release", "Disarm"}),
+        ("STOPPING", {}, {"Disarm"}),
+        ("FAULT", {"fault": 8}, {"Acknowledge fault", "Disarm"}),
+        ("FAULT", {"fault": 104}, {"Disarm"}),
+        ("UNKNOWN", {}, {"Disarm"}),
+    ],
+)
+def test_what_a_state_allows(state, given, allowed):
+    found = refusals(state, **given)
+    assert {name for name, reason in found.items() if not reason} == allowed
