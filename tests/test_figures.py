@@ -97,8 +97,8 @@ def test_the_error_of_several_runs_names_those_that_ended():
         {"seed": s, "rms_true_Nm": e, "unstable": e is None}
         for s, e in ((0, 1.0), (0, 3.0), (1, 5.0), (2, None), (3, 4.0))
     ]
-    assert figures.errors(runs, "median") == "4.000 (1 of 5 ended)"
-    assert figures.errors(runs[:3], "mean / largest") == "3.500 / 5.000"
+    assert figures.errors(runs) == "4.000 (1 of 5 ended)"
+    assert figures.errors(runs[:3]) == "3.500"
 
 
 @pytest.mark.ci

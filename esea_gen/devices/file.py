@@ -117,7 +117,7 @@ class DeviceData:
             raise UserError(
                 f"{self.origin}: the torque model is [family], and what was asked for is made for "
                 "the published model, [elastomer].",
-                "Use a device with [elastomer] here.",
+                "Use a device with [elastomer]: identify --model published writes one.",
             )
         return self.file.elastomer
 

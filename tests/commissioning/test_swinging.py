@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.control import adaptation
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.commissioning import SimulatedHands, StepOptions, run_step, simulated_bench, steps_of
 from esea_host.commissioning.startup import DriveRecording
 from esea_host.commissioning.swinging import (
-    STOP_NM,
     SwungMass,
     hangs_within,
     judged_swings,
@@ -29,10 +27,6 @@ MASSES = KnownLoad(1.2, 0.3), KnownLoad(0.6, 0.3)
 @pytest.fixture(scope="module")
 def drive():
     return esea_gen.load_device("elbow_drive")
-
-
-def test_the_stop_operator_is_the_blocks():
-    assert STOP_NM == adaptation.STOP_NM
 
 
 def stop_operator(x: np.ndarray, r: float = 0.8) -> np.ndarray:

@@ -219,6 +219,7 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     window, feed = seen
     editor = window.parameters
     feed.device.stop()
+    feed.device.advance(0.7)
     feed.device.release()
     feed.device.advance(0.1)
     editor.read()
