@@ -149,7 +149,9 @@ class BoardBar(QWidget):
         if name not in self.readouts:
             self.readouts[name] = QLabel()
             self._values.addWidget(self.readouts[name])
-        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>"
+        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>".replace(
+            "\n", "<br>"
+        )
         style = f"font-size:{px}px" + (f"; color:{colour}" if colour else "")
         self.readouts[name].setText(f"{small}<br><b style='{style}'>{text}</b>")
         self.readouts[name].setMinimumWidth(7 * px // 2)
