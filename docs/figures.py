@@ -18,17 +18,19 @@ import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from esea_gen.files import write_whole
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 KEPT = ROOT / "out" / "figures"
 BLOCK = re.compile(
-    r"<!-- figures: (?P<name>[\w-]+)(?:, (?P<date>[\d-]+), inputs (?P<inputs>\w+), "
-    r"text (?P<text>\w+))? -->\n(?P<inner>.*?)<!-- end of figures -->",
+    r"<!-- figures:(?P<name>[\w-]+)(?::(?P<date>[\d-]+):(?P<inputs>\w+):(?P<text>\w+))? -->\n"
+    r"(?P<inner>.*?)<!-- /figures -->",
     re.DOTALL,
 )
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
@@ -39,7 +41,7 @@ WORDS = {"True": "yes", "False": "no", "None": "–"}
 @dataclass(frozen=True)
 class FigureColumn:
     head: str
-    show: str  # a template for an entry, or `median` or `mean / largest` of the RMS errors
+    show: str  # a template for an entry, or `median`: of the RMS errors
     of: Sequence[int] = ()  # results of these commands only
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -56,7 +58,7 @@ class FigureTable:
     rows: str = ""  # path of the entries in a result; `*`: of all keys
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    columns: Sequence[FigureColumn] = ()  # none: run by hand
+    columns: Sequence[FigureColumn] = ()  # without: run by hand
 
 
 @cache
@@ -69,6 +71,8 @@ def tables() -> dict[str, FigureTable]:
         listed = row.pop("commands")
         commands = [" ".join(c.format(**content["laws"]).split()) for c in listed]
         found[name] = FigureTable(name, commands, inputs, columns=columns, **row)
+    for name, (how, minutes, command) in content["by_hand"].items():
+        found[name] = FigureTable(name, [command], [], 60 * minutes, how)
     return found
 
 
@@ -103,18 +107,16 @@ def fits(entry: Mapping[str, Any], where: Mapping[str, Sequence[str]]) -> bool:
     return all(str(entry[k]) in allowed for k, allowed in where.items())
 
 
-def errors(runs: Sequence[Mapping[str, Any]], show: str) -> str:
-    """RMS error over the seeds, of each the mean over its cases; how many runs ended early."""
+def errors(runs: Sequence[Mapping[str, Any]]) -> str:
+    """Median over the seeds of the mean over the cases; how many runs ended early."""
     by_seed: dict[int, list[float]] = {}
     for e in runs:
         if e["rms_true_Nm"] is not None:
             by_seed.setdefault(e["seed"], []).append(e["rms_true_Nm"])
     means = [statistics.fmean(v) for v in by_seed.values()] or [float("nan")]
-    text = f"{statistics.median(means):.3f}"
-    if show != "median":
-        text = f"{statistics.fmean(means):.3f} / {max(means):.3f}"
     ended = sum(any(e.get(k) for k in ENDED) for e in runs)
-    return text + (f" ({ended} of {len(runs)} ended)" if ended else "")
+    more = f" ({ended} of {len(runs)} ended)" if ended else ""
+    return f"{statistics.median(means):.3f}{more}"
 
 
 def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
@@ -131,8 +133,7 @@ def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
                 for k, e in every
                 if label.format_map(e) == name and (not c.of or k in c.of) and fits(e, c.where)
             ]
-            whole = c.show in ("median", "mean / largest")
-            text = errors(mine, c.show) if whole else c.show.format_map(mine[0])
+            text = errors(mine) if c.show == "median" else c.show.format_map(mine[0])
             cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
         line = f"| {' | '.join(cells)} |"
         for old, new in table.words.items():
@@ -211,18 +212,18 @@ def blocks(folder: Path) -> dict[str, FigureBlock]:
     return found
 
 
-def write(block: FigureBlock, lines: Sequence[str], date: str) -> None:
+def write(block: FigureBlock, lines: Sequence[str], when: object) -> None:
     table = tables()[block.name]
     one = len(table.commands) == 1
     what = table.commands[0] if one else f"make figures TABLES={table.name}"
-    by_hand = "" if table.columns else ", not repeated by `make figures`"
-    inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {date}: `{what}`*", "", ""])
-    head = f"{block.name}, {date}, inputs {inputs_of(table)}, text {digest(inner)}"
+    by_hand = "" if table.columns else ", by hand"
+    inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {when}: `{what}`*", "", ""])
+    head = ":".join((block.name, str(when), inputs_of(table), digest(inner)))
     content = block.page.read_text(encoding="utf-8")
     mark = BLOCK.pattern.replace(r"(?P<name>[\w-]+)", f"(?P<name>{block.name})")
-    new = f"<!-- figures: {head} -->\n{inner}<!-- end of figures -->"
+    new = f"<!-- figures:{head} -->\n{inner}<!-- /figures -->"
     new = re.sub(mark, lambda _: new, content, flags=re.DOTALL)
-    block.page.write_text(new, encoding="utf-8")
+    write_whole(block.page, new)
 
 
 def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
@@ -262,7 +263,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", help="tables; default: all that are not current")
     parser.add_argument("--check", action="store_true", help="report blocks edited by hand")
     parser.add_argument("--record", action="store_true", help="date blocks that were run by hand")
-    parser.add_argument("--date", default=f"{datetime.now(UTC):%Y-%m-%d}")
+    parser.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
     parser.add_argument("--jobs", type=int, default=-1, help="parallel processes of a simulation")
     chosen = parser.parse_args()
     found = blocks(DOCS)

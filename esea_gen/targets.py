@@ -156,7 +156,7 @@ BOARDS = {
             # where there are more tasks or a record is long, for then they have more to hold.
             app_flags=(
                 "-DESEA_BLACKBOX_BYTES="
-                "(110400u-1536u*ESEA_LINK_TASKS-64u*sizeof(esea_blackbox_record_t))",
+                "(109376u-1536u*ESEA_LINK_TASKS-64u*sizeof(esea_blackbox_record_t))",
             ),
         ),
         Board(

@@ -35,7 +35,7 @@ def page(tmp_path, monkeypatch):
         ),
     )
     monkeypatch.setattr(figures, "tables", lambda: {"small": table})
-    (tmp_path / "a.md").write_text("# A\n\n<!-- figures: small -->\n<!-- end of figures -->\nend\n")
+    (tmp_path / "a.md").write_text("# A\n\n<!-- figures:small -->\n<!-- /figures -->\nend\n")
     found = ({"a": {"x": [1.234], "kept": True}}, {"a": {"x": {"1000": 2e-5}, "kept": True}})
     found[0]["b"] = {"x": [0.0], "kept": False}
     texts = [json.dumps({"sums": f}) for f in found]
@@ -57,8 +57,8 @@ def test_a_table_is_drawn_in_place_with_its_source(page):
     ("old", "new", "said"),
     [
         ("1.23", "1.24", "a.md, small: edited by hand; run `make figures TABLES=small`"),
-        ("2026-01-02: ", "2026-03-02: ", "edited by hand"),
-        ("figures: small", "figures: other", "not in both"),
+        ("; 2026-01-02: ", "; 2026-03-02: ", "edited by hand"),
+        ("figures:small", "figures:other", "not in both"),
     ],
 )
 def test_an_edit_by_hand_is_reported(page, old, new, said):
@@ -70,7 +70,7 @@ def test_an_edit_by_hand_is_reported(page, old, new, said):
 
 def test_a_block_without_end_is_an_error(page):
     path = page / "a.md"
-    path.write_text(path.read_text().replace("<!-- end of figures -->", ""))
+    path.write_text(path.read_text().replace("<!-- /figures -->", ""))
     with pytest.raises(SystemExit, match=r"a\.md: a block of figures without its end"):
         figures.blocks(page)
 
@@ -97,8 +97,8 @@ def test_the_error_of_several_runs_names_those_that_ended():
         {"seed": s, "rms_true_Nm": e, "unstable": e is None}
         for s, e in ((0, 1.0), (0, 3.0), (1, 5.0), (2, None), (3, 4.0))
     ]
-    assert figures.errors(runs, "median") == "4.000 (1 of 5 ended)"
-    assert figures.errors(runs[:3], "mean / largest") == "3.500 / 5.000"
+    assert figures.errors(runs) == "4.000 (1 of 5 ended)"
+    assert figures.errors(runs[:3]) == "3.500"
 
 
 @pytest.mark.ci

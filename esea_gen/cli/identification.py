@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from esea_gen.identify.family.compare import ModelComparison
     from esea_gen.identify.published.search_problem import PresentBest, Searching
 
-PUBLISHED = "published"
 CHOSEN = "chosen"
+FORMS = CHOSEN, "published"
 LEAST_BETWEEN_S = 2.0  # two drawings of a search
 
 SearchOption = Annotated[
@@ -65,7 +65,7 @@ def identify(
         str,
         option(
             "--model NAME",
-            "Torque model: chosen by held-out error, published, or a member of the family, as "
+            "Torque model: chosen (by held-out error), published, or a member of the family, as "
             '"slips, worn".',
         ),
     ] = CHOSEN,
@@ -85,9 +85,7 @@ def identify(
 ) -> None:
     """Fit the torque model to a recording: device file and report."""
     how = _searching(search, jobs, resume, draw)
-    if inverse and model == CHOSEN and not compare:
-        model = PUBLISHED
-    if model not in (CHOSEN, PUBLISHED) and (search, resume, draw) != ("multi-start", None, None):
+    if model not in FORMS and (search, resume, draw) != ("multi-start", None, None):
         raise UserError(
             f"Nothing is searched in '{model}': a member's weights are solved.",
             "Leave --search, --resume and --draw out.",
@@ -95,7 +93,7 @@ def identify(
     if compare and (inverse or model != CHOSEN):
         given = "--inverse" if inverse else "--model"
         raise UserError(f"--compare chooses the model itself: {given}.", f"Leave {given} out.")
-    if inverse and model != PUBLISHED:
+    if inverse and model not in FORMS:
         raise UserError(
             f"--inverse refits the published inverse, which is of the published model, not of "
             f"'{model}'.",
@@ -143,7 +141,6 @@ def _identify_model(
 ) -> None:
     from esea_gen.identify import identify as identify_published
     from esea_gen.identify.choosing import identify_chosen
-    from esea_gen.identify.family.identification import identify_member
     from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page
@@ -151,14 +148,10 @@ def _identify_model(
     with progress_share() as tell:
         result: Identified
         refit = None
-        if model == CHOSEN:
-            result, compared = identify_chosen(mapping, data, tell, how, compared)
-        elif model != PUBLISHED:
-            result = identify_member(mapping, model, data, tell)
-        elif inverse:
+        if inverse:
             result, refit = refit_identified(identify_published(mapping, data, tell, how), tell)
         else:
-            result = identify_published(mapping, data, tell, how)
+            result, compared = identify_chosen(mapping, data, tell, how, model, compared)
     target = folder or Path("identified") / result.device.name
     content = result.to_dict() | ({} if refit is None else {"inverse": refit.to_dict()})
     if compared is not None:

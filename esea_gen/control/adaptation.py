@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -29,8 +30,6 @@ from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
-STOP_NM = 0.8
-"""Threshold of the stop operator that stands for the loss: of trials from 0.1 to 0.8 the best."""
 FILTER_HZ = 2.0
 """One lag for all that is compared; the acceleration of the mass comes out of it."""
 MEAN_S, LEAST_NM2 = 5.0, 0.05

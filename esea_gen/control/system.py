@@ -22,7 +22,7 @@ from esea_gen.control.reference import reference
 from esea_gen.control.shown import gains_reference
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
-from esea_gen.language.alike import emitted_once
+from esea_gen.language.alike import alike, emitted_once
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.system import System, Task
@@ -227,6 +227,8 @@ def _blocks(
     blocks, whose = dict(base.blocks), dict.fromkeys(base.blocks, "")
     for law, part in zip(laws, parts, strict=True):
         for name, block in [*part.replaced.items(), *part.own.items()]:
+            if whose.get(name) and _shared(blocks[name], block):
+                continue
             if whose.get(name) or (name in part.own and name in whose):
                 raise UserError(
                     f"{base.device.origin}: the laws {whose[name] or 'base'} and {law.name} both "
@@ -249,6 +251,11 @@ def _blocks(
         control["law"] = law_switch(base.device, [law.name for law in laws], checked)
     control |= {n: blocks[n] for n in LAST if n in blocks}
     return {n: blocks[n] for n in order}, control
+
+
+def _shared(one: Component, other: Component) -> bool:
+    # Laws that need the same of what they stand on have it once.
+    return isinstance(one, Block) and isinstance(other, Block) and alike(one, other)
 
 
 def _wired(every: dict[str, Component], laws: Sequence[Law], parts: Sequence[Parts]) -> AxisParts:

@@ -138,9 +138,9 @@ def _said(
             f"{g} = {v:.3g}" for g, v in same.items()
         )
     else:
-        same = observer_gains(document, device)
+        scaled = observer_gains(document, device)
         fix = "The same poles in time: " + ", ".join(
-            f"{g} = {v:.4g}" for g, v in zip(OBSERVER_GAINS, same, strict=True)
+            f"{g} = {v:.4g}" for g, v in zip(OBSERVER_GAINS, scaled, strict=True)
         )
     return (
         f"{origin}: {group.section}: {stated} are {name}'s, designed for {others}. {fix}. "

@@ -376,6 +376,10 @@ class Fatigue(Section):
     warn_share: Quantity = number(0.01, 1, "Share of the life, by Miner's sum, that warns.")
 
 
+ADAPTATION_STOP_NM = 0.8
+"""Threshold of the stop operator that stands for the loss: of trials from 0.1 to 0.8 the best."""
+
+
 class Adaptation(Section):
     """How far the wish may be adapted to a rubber that is not its model, and how fast."""
 

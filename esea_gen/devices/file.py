@@ -117,7 +117,7 @@ class DeviceData:
             raise UserError(
                 f"{self.origin}: the torque model is [family], and what was asked for is made for "
                 "the published model, [elastomer].",
-                "Use a device with [elastomer] here.",
+                "Use a device with [elastomer]: identify --model published writes one.",
             )
         return self.file.elastomer
 
@@ -222,8 +222,10 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
 @cache
 def _shipped(section: str) -> dict[str, dict[str, Any]]:
     # Complete documents with a section whose gains others may have taken over.
+    # A device before the controllers that extend it: of equals the first is named.
     found = {}
-    for name, path in sorted((shipped_devices() | shipped_controllers()).items()):
+    files = [*sorted(shipped_devices().items()), *sorted(shipped_controllers().items())]
+    for name, path in files:
         document = _resolved(read_text(path, "Check the file."), path.name)
         if section in document:
             found[name] = document

@@ -14,7 +14,7 @@ from esea_gen.language.ports import unit_of
 
 
 @dataclass(frozen=True)
-class Question:
+class DeviceQuestion:
     key: str  # dotted
     text: str
     typical: float
@@ -50,12 +50,12 @@ actuator.encoder_bits | 17 | Bits of the motor's encoder | 1024 lines: 4096 coun
 timing.control_rate_Hz | 200 | Rate of the control task | It divides 1000; a light joint needs 500.
 """
 QUESTIONS = tuple(
-    Question(key, text, float(typical), why)
+    DeviceQuestion(key, text, float(typical), why)
     for key, typical, text, why in (r.split(" | ") for r in _ROWS.strip().splitlines())
 )
 
 
-def read_answer(question: Question, text: str) -> float:
+def read_answer(question: DeviceQuestion, text: str) -> float:
     """A typed answer, inside the number's bounds."""
     try:
         value = float(text)

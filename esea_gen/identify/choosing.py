@@ -14,39 +14,37 @@ from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.mapping import load_mapping
 
+CHOSEN = "chosen"
 COMPARING = 0.85  # share of the time
 ZONED = "Model: published. No other has a dead zone, for which the mapping asks."
 
 
 def identify_chosen(
-    mapping_path: str | Path,
-    data_folder: str | Path | None = None,
+    mapping: str | Path,
+    data: str | Path | None = None,
     progress: Progress | None = None,
     how: Searching | None = None,
+    model: str = CHOSEN,
     compared: ModelComparison | None = None,
 ) -> tuple[Identified, ModelComparison | None]:
-    """Identify the chosen model; compare first, unless that was done already."""
+    """Identify the chosen model, comparing first unless that was done; or the one of that name."""
     tell: Progress = progress or (lambda share, text: None)
-    done = 0.0 if compared else COMPARING
 
-    def rest(share: float, text: str) -> None:
-        tell(done + (1 - done) * share, text)
+    def part(low: float, high: float) -> Progress:
+        return lambda share, text: tell(low + (high - low) * share, text)
 
-    if load_mapping(mapping_path, data_folder).mapping.deflection.dead_zone_rad is not None:
-        found = identify(mapping_path, data_folder, tell, how)
-        return replace(found, notes=(ZONED, *found.notes)), None
-    if compared is None:
-        compared = compare(
-            mapping_path,
-            data_folder,
-            None,
-            lambda share, text: tell(COMPARING * share, text),
-            peers=False,
-            how=how,
-        )
+    notes: tuple[str, ...] = ()
+    begun, zone = 0.0, load_mapping(mapping, data).mapping.deflection.dead_zone_rad
+    if model == CHOSEN and zone is not None:
+        model, compared, notes = THESIS, None, (ZONED,)
+    elif model == CHOSEN:
+        if compared is None:
+            begun, first = COMPARING, part(0.0, COMPARING)
+            compared = compare(mapping, data, None, first, peers=False, how=how)
+        model, notes = compared.chosen, compared.choice.reasons
     result: Identified
-    if compared.chosen == THESIS:
-        result = identify(mapping_path, data_folder, rest, how)
+    if model == THESIS:
+        result = identify(mapping, data, part(begun, 1.0), how)
     else:
-        result = identify_member(mapping_path, compared.chosen, data_folder, rest)
-    return replace(result, notes=(*compared.choice.reasons, *result.notes)), compared
+        result = identify_member(mapping, model, data, part(begun, 1.0))
+    return replace(result, notes=(*notes, *result.notes)), compared

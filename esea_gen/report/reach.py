@@ -11,7 +11,7 @@ from esea_gen.device import Device
 from esea_gen.report.findings import Findings, Say
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import largest_torque_Nm
-from esea_gen.twin.judge import ENDED, judge
+from esea_gen.twin.judge import ENDED, ROUGHNESS, judge, rough_cells
 from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import RATE_HZ, fixed_output
@@ -20,7 +20,7 @@ SHARES = 0.25, 0.5, 0.75, 1.0
 FREQUENCIES_HZ = 0.25, 0.5, 1.0, 1.5
 FOLLOWED = 0.1  # largest RMS error of a torque that counts as reached, over the torque's own RMS
 CYCLES, SETTLING = 6, 2
-FIGURES = "rms_true_Nm", "roughness_Nm_s"
+FIGURES = "rms_true_Nm", *ROUGHNESS
 
 
 def tried(device: Device, controller: str, plant: str, say: Say) -> tuple[dict[str, Any], ...]:
@@ -76,7 +76,11 @@ def verdict(found: Findings) -> dict[str, Any]:
         text = (
             f"The drive reaches {first['torque_Nm']:.3g} of {full:.3g} Nm "
             f"up to {first['frequency_Hz']:g} Hz (RMS error {first['rms_true_Nm']:.2g} Nm, "
-            f"roughness {first['roughness_Nm_s']:.2g} Nm/s)"
+            f"noise above 5 Hz {rough_cells(first)[1]})"
+        )
+        command, _, limited = rough_cells(first)
+        how += (
+            f"; there the command above 20 Hz is {command}, at its rate limit {limited} of the time"
         )
         text += "".join(f", {p['torque_Nm']:.3g} Nm up to {p['frequency_Hz']:g} Hz" for p in others)
     whole = bool(reached) and reached[0]["torque_Nm"] == max(p["torque_Nm"] for p in found.reach)

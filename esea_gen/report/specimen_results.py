@@ -19,10 +19,9 @@ from esea_gen.devices.fatigue import LifeUsed
 from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
 from esea_gen.files import plain, read_result
-from esea_gen.identify import MappingFile, Recording, identify, judge, load_mapping, load_recordings
-from esea_gen.identify.choosing import identify_chosen
-from esea_gen.identify.family.choice import THESIS, CompareRow
-from esea_gen.identify.family.identification import identify_member
+from esea_gen.identify import MappingFile, Recording, judge, load_mapping, load_recordings
+from esea_gen.identify.choosing import CHOSEN, identify_chosen
+from esea_gen.identify.family.choice import CompareRow
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
 from esea_gen.identify.verdict import TorqueWorth, Verdict
@@ -147,13 +146,8 @@ def gather_specimen(
         verdict = judge(device, recordings)
         _check_device(given[IDENTIFIED][0], identified, verdict)
     else:
-        model = others[COMPARED]["chosen"] if COMPARED in others else None
-        if model is None:
-            result, _ = identify_chosen(mapping, data, tell)
-        elif model == THESIS:
-            result = identify(mapping, data, tell)
-        else:
-            result = identify_member(mapping, model, data, tell)
+        model = others[COMPARED]["chosen"] if COMPARED in others else CHOSEN
+        result, _ = identify_chosen(mapping, data, tell, model=model)
         identified = plain(result.to_dict(), null=True)
         device, verdict = result.device, result.verdict
     if COMPARED in given:

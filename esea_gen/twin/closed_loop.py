@@ -362,7 +362,7 @@ class ClosedLoop:
             ``theta_g_rad``, ``theta_m_rad``, ``theta_l_rad`` and ``omega_...`` of the same; angles
             not given are the start of the path, speeds 0.  Of a plant with one axis.
         seed : int
-            Of the person's torque noise.
+            Of the person's torque noise, and of an encoder's.
         ticks : int, optional
             Length, when there is no signal to tell it.
         fault : EncoderFault, optional
@@ -406,7 +406,7 @@ class ClosedLoop:
         record = np.empty((n, self._width))
         pointer = [self.ffi.cast("double *", a.ctypes.data) for a in (table, path, record)]
         off = n, delay_ticks, self.ffi.cast("unsigned char *", skipped.ctypes.data)
-        of_plant = *plant_coeffs, plant_state, start, self._fault(fault, axis)
+        of_plant = *plant_coeffs, plant_state, start, self._fault(fault, axis, seed)
         lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
@@ -424,12 +424,13 @@ class ClosedLoop:
             sampled |= shown
         return first, sampled
 
-    def _fault(self, fault: EncoderFault | None, axis: str) -> Any:
+    def _fault(self, fault: EncoderFault | None, axis: str, seed: int) -> Any:
         wrong = self.ffi.new("esea_loop_fault_t *")
         if fault is not None:
             wrong.kind = FAULT_KINDS.index(fault.kind)
             wrong.start = round(fault.at_s / self.tick_s)
             wrong.amount = fault.amount
+            wrong.seed = (seed + 1) % 2**32
             first = len(fault.sides) * (self.axes.index(axis) if axis else 0)
             wrong.sides[first : first + len(fault.sides)] = fault.sides
             for on, (count, _, full, _) in zip(wrong.sides, self._encoders(), strict=True):

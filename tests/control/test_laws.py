@@ -39,7 +39,7 @@ CHANGE_S = (3.4, 5.0)
 
 def test_a_shipped_controller_is_a_configuration_of_any_drive():
     assert {"smc", "mpc", "smc-published"} <= set(shipped_controllers())
-    device = load_device("elbow_drive", "mpc")
+    device = load_device("elbow_drive", "mpc-no-preview")
     assert [law.name for law in device.laws] == ["predictive"]
     assert device.name == "elbow_drive"  # the device's numbers, under another law
     same = load_device("elbow_mpc")
@@ -196,13 +196,17 @@ def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
 def test_laws_that_want_a_block_otherwise_do_not_go_together(drive):
     def other(name: str) -> Law:
         def parts(base):
-            human = {"human": lag_observer(base.device)}
+            human = {"human": lag_observer(base.device) if name == "a" else base.blocks["drive"]}
             return Parts({name: drive.system.blocks["smc"]}, f"{name}.u_command_Nm", replaced=human)
 
         return Law(name, "", parts)
 
     with pytest.raises(UserError, match=r"the laws a and b both have a Block 'human' of their own"):
         control_system(drive, [other("a"), other("b")], drive.velocity, drive.sensor, lambda: None)
+    # What both want alike they have once.
+    blocks = list(load_device("elbow_drive", "smc,cascade").system.blocks)
+    assert blocks.count("lead") == blocks.count("set_trend") == 1
+    assert {"smc", "cascade"} <= set(blocks)
 
 
 # -- several axes ----------------------------------------------------------------------------------

@@ -177,22 +177,27 @@ def test_a_failure_turns_the_banner(findings, how):
 
 
 def at(torque, frequency, followed):
-    figures = {"rms_true_Nm": 0.05, "roughness_Nm_s": 9.0}
+    figures = {"rms_true_Nm": 0.05, "command_above_20Hz_Nm": 0.003}
+    figures |= {"noise_above_5Hz_Nm": 0.009, "rate_limited_share": 0.02}
     return {"torque_Nm": torque, "frequency_Hz": frequency, "followed": followed} | figures
 
 
 @pytest.mark.parametrize(
     ("lost", "said"),
     [
-        ((), "The drive reaches 2 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)"),
+        (
+            (),
+            "The drive reaches 2 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, noise above 5 Hz 9.0 mNm)",
+        ),
         (
             {(2, 1)},
-            "The drive reaches 2 of 2 Nm up to 0.5 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)",
+            "The drive reaches 2 of 2 Nm up to 0.5 Hz (RMS error 0.05 Nm, "
+            "noise above 5 Hz 9.0 mNm)",
         ),
         ({(1, 0.5)}, "The drive follows no torque of its 2 Nm at 0.5 Hz"),
         (
             {(2, 0.5)},
-            "The drive reaches 1 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, roughness 9 Nm/s)",
+            "The drive reaches 1 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, noise above 5 Hz 9.0 mNm)",
         ),
     ],
 )

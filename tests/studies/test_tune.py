@@ -122,7 +122,7 @@ def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
     assert failed[1:10] == ["-"] * 9
     assert " ".join(failed[10:]) == "FAILED: The compiler is gone. Install it."
     (infinite,) = [r for r in rows if r[:1] == ["3"]]
-    assert " ".join(infinite[8:]) == "FAILED: rms_Nm is inf"
+    assert " ".join(infinite[10:]) == "FAILED: rms_Nm is inf"
     (sweep,) = json.loads(path.read_text())["sweeps"]
     assert sweep["chosen"] == 1.5
     assert [t["unusable"] for t in sweep["trials"]][:2] == ["", ""]

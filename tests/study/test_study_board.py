@@ -146,7 +146,7 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
     def show(_) -> None:
         if next(steps) == 120:  # within the second trial
             lockstep.stop()
-            lockstep.advance(0.3)
+            lockstep.advance(0.7)
 
     session.run(show=show)
     assert [session.state.states[n] for n in (1, 2)] == [COMPLETED, FAILED]

@@ -6,6 +6,7 @@ Outside, the torque's error sets that rate; the coupling's slope schedules its g
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -16,26 +17,25 @@ from esea_gen.control.setpoint import ACCELERATION_ROOM, setpoint_rates
 from esea_gen.control.sliding_mode.governor import governed_wires, smoothed_setpoint, torque_lead
 from esea_gen.control.trend import motion_limits, trend
 from esea_gen.language.block import Block, Guard, Labels, StepResult
+from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
+from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import drive_observer_by_gear
 
 LEVELS = 5  # torques between which the slope of the coupling is interpolated
 LOADING_STEPS = 400  # from rest to the largest deflection that the model is of
-FRICTION_AHEAD_S = (
-    0.02  # what friction is compensated for comes late by the motor's lag over the lead
-)
 # The share of the largest command by which the applied one may miss it before the integral rests.
 LIMITED_SHARE = 1e-3
 
 EQUATIONS = """
-    [cas 1] | e | tau_d + T * tau_d' - tau_e | error when the command acts
+    [cas 1] | e | tau_d + T * tau_d' - tau_e | error when the command acts, T = tau_c / g + h / 2
     [cas 2] | omega_d | omega_l + delta_d' + (k_p * e + I) / kappa | kappa: slope at abs(tau_e)
     [cas 3] | I' | k_i * (tau_d - tau_e) | rests while the command is held back
     [cas 4] | alpha | delta_d'' + k_p * (delta_d' - omega_m + omega_l) + (tau_e + tau_h) / J_h | \
         acceleration desired
-    [cas 5] | omega_f | omega_d + T_f * delta_d'' | rate whose friction is compensated
+    [cas 5] | omega_f | omega_d + T * delta_d'' | rate whose friction is compensated
     [cas 6] | n * u | tau_e + e + f_v * omega_f + f_c * tanh(omega_f / w_c) - J * d_4 \
         + J * (alpha + k_v * (omega_d - omega_m)) | torque of the motor
     [cas 7] | u_c | u + (g - 1) * (u - u_a) | against the motor's lag
@@ -76,17 +76,19 @@ class _Cascade:
         inner = "rate of the motor: higher is stiffer and passes more noise, then swings"
         creep = "integral of the torque's error: higher takes an offset away sooner, and overshoots"
         leads = "how many times faster than the motor's lag the torque follows"
-        ahead = "from a measurement until its command acts"
         source = "docs/control.md"
         self.tunables = (
             Tunable("gain_1_s", 20.0, 1.0, 40.0, outer, source),
             Tunable("rate_gain_1_s", 14.0, 1.0, 40.0, inner, source),
             Tunable("integral_1_s2", 10.0, 0.0, 200.0, creep, source),
             Tunable("lead", 2.0, 1.0, 4.0, leads, source),
-            Tunable("ahead_s", 0.02, 0.0, 0.05, ahead, source),
         )
-        self.coefficients = tuple(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables)
-        self.prepare = vars
+        self.lag_s = drive.actuator.tau_c_s.value
+        most_s = threshold(self.lag_s + self.h)
+        self.coefficients = (
+            *(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables),
+            Port("ahead_s", 0.0, most_s, "until a command acts", equation="[cas 1]"),
+        )
         # As much as the outer gain makes of the largest torque.
         self.integral_lim = threshold(self.tunables[0].high * self.tau_lim)
         self.state = (
@@ -122,6 +124,9 @@ class _Cascade:
             ),
         )
 
+    def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
+        return vars(t) | {"ahead_s": self.lag_s / t.lead + 0.5 * self.h}
+
     def slope(self, tau_Nm: Any) -> Any:
         """The slope at a torque, by straight lines between the levels."""
         size, found = ca.fabs(tau_Nm), ca.SX(float(self.slopes[0]))
@@ -142,7 +147,7 @@ class _Cascade:
         load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
         twisting = u.delta_rate_rad_s - u.omega_m_rad_s + u.omega_l_rad_s
         acc = label("acc_rad_s2", u.delta_acc_rad_s2 + c.gain_1_s * twisting + load, "[cas 4]")
-        rubs = label("rubs_rad_s", rate + FRICTION_AHEAD_S * u.delta_acc_rad_s2, "[cas 5]")
+        rubs = label("rubs_rad_s", rate + c.ahead_s * u.delta_acc_rad_s2, "[cas 5]")
         coulomb = a.fc_Nm.value * ca.tanh(rubs * (1 / a.coulomb_width_rad_s.value))
         moved = acc + c.rate_gain_1_s * (rate - u.omega_m_rad_s) - u.d4_rad_s2
         joint = u.tau_Nm + e + a.fv_Nms_rad.value * rubs + coulomb + inertia * moved
@@ -153,7 +158,9 @@ class _Cascade:
         beyond = ca.fabs(driven) > self.u_lim
         short = ca.if_else(s.active, s.u_last_Nm - u.u_applied_Nm, 0)
         lacks = ca.if_else(beyond, driven, ca.if_else(ca.fabs(short) > self.limited, short, 0))
-        rests = label("rests", lacks * now > 0, "the integral would wind up")
+        # An impedance follows the limb: what integrates its error would let a limp hand drift.
+        rests = ca.logic_or(lacks * now > 0, u.mode > 1.5)
+        rests = label("rests", rests, "the integral would wind up, or an impedance is rendered")
         grown = integral + ca.if_else(rests, 0, self.h * c.integral_1_s2 * now)
         full = ca.fabs(grown) > self.integral_lim
         grown = clip(grown, -self.integral_lim, self.integral_lim)
@@ -168,17 +175,12 @@ class _Cascade:
 
 def _parts(base: Base) -> Parts:
     device = base.device
-    # The motor's own encoder has a rate without delay; else both sides have equal filters.
-    geared = device.file.redundancy is not None and device.file.cable is not None
-    after: dict[str, Any] = {"drive_by_gear": drive_observer_by_gear(device)} if geared else {}
-    signals = {"omega_m_rad_s": "motor_rate.omega_rad_s", "omega_l_rad_s": "load_rate.omega_rad_s"}
-    if geared:
-        signals = {
-            "omega_m_rad_s": "encoder_gear.omega_gear_rad_s",
-            "omega_l_rad_s": "human.omega_load_rad_s",
-        }
+    section_of(device, "redundancy", "cascade control needs the rate of the motor's own encoder")
+    after: dict[str, Component] = {}
     wires = governed_wires(device)
-    wires |= {"cascade.d4_rad_s2": "drive_by_gear.d4_rad_s2"} if geared else {}
+    if device.file.cable is not None:
+        after["drive_by_gear"] = drive_observer_by_gear(device)
+        wires["cascade.d4_rad_s2"] = "drive_by_gear.d4_rad_s2"
     return Parts(
         sense={
             "lead": torque_lead(device),
@@ -190,8 +192,9 @@ def _parts(base: Base) -> Parts:
         control={"set_trend": trend(device, name="set_trend"), "cascade": Block.of(_Cascade(base))},
         command="cascade.u_command_Nm",
         wires=wires,
-        signals=signals
-        | {
+        signals={
+            "omega_m_rad_s": "encoder_gear.omega_gear_rad_s",
+            "omega_l_rad_s": "human.omega_load_rad_s",
             "theta_set_rad": "inverse.theta_rad",
             "tau_rate_Nm_s": "set_trend.tau_rate_Nm_s",
             "governed": "lead.governed",

@@ -116,7 +116,7 @@ FAULTS = {
     Fault.ROUGH: (
         "a joint encoder's angle was rougher than a sound encoder's noise",
         "the monitor's status word says which: its cable, shield, supply, magnet",
-        "50 ms of white noise of four times a sound encoder's",
+        "0.1 s of white noise of four times a sound encoder's",
     ),
     Fault.STUCK_BIT: (
         "a bit of a joint encoder's count did not change while the joint moved",

@@ -1,9 +1,7 @@
 """The choice between fitted models: the cheapest that no other beats.
 
 A model beats another if its held-out error is smaller by :data:`BETTER` in half of the conditions
-or more (never in one alone, where several judge) and in the geometric mean over all of them.  Each
-condition has one vote, so that one odd condition neither makes a choice nor prevents it; the mean
-weighs what a model loses in some conditions against what it gains in others, as ratios.
+or more (never in one alone, where several judge) and in the geometric mean over all of them.
 """
 
 from __future__ import annotations

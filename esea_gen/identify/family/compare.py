@@ -145,6 +145,7 @@ def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Arra
 
 
 Cost = Callable[[Device], float]
+COUNTS = "operations", "instructions"  # of a step
 LONG_COST = 100  # operations that a power, an exponential or a logarithm counts as
 
 
@@ -194,17 +195,14 @@ class ModelComparison:
         lines = [
             f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
             f"({self.full_scale_Nm:g} Nm)",
-            " " * first
-            + "".join(f"{c:>{width}}" for c in conditions)
-            + "  operations  instructions",
+            " " * first + "".join(f"{c:>{width}}" for c in (*conditions, *COUNTS)),
         ]
         for m in models:
             found = [cells[m, c] for c in conditions]
             errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
-            counts = (found[0].operations, found[0].instructions)
-            told = ["-" if n is None else f"{n:.0f}" for n in counts]
-            mark = "* " if m == self.chosen else "  "
-            lines.append(f"{mark}{m:{first - 2}}{errors}{told[0]:>12}{told[1]:>14}")
+            counts = (getattr(found[0], c) for c in COUNTS)
+            errors += "".join(f"{'-' if n is None else f'{n:.0f}':>{width}}" for n in counts)
+            lines.append(f"{'* ' if m == self.chosen else '  '}{m:{first - 2}}{errors}")
         return [*lines, *self.choice.reasons, *(f"note: {n}" for n in self.notes)]
 
 
@@ -223,10 +221,9 @@ def compare(
 ) -> ModelComparison:
     """Compare the thesis' model, the members of the family and the peers on recordings."""
     tell: Progress = progress or (lambda share, text: None)
+    source = load_mapping(mapping_path, data_folder)
     # A lag or a gap that is left to the fit is the published model's for all.
-    source, recordings, _ = settled(
-        load_mapping(mapping_path, data_folder), lambda s, r: published_channels(s, r, how)
-    )
+    source, recordings, _ = settled(source, lambda s, r: published_channels(s, r, how))
     splits = splits_of(recordings)
     timed = all(r.timed for r in recordings)
     able = [m for m in members() if timed or not m.timed]
@@ -259,9 +256,8 @@ def compare(
         *_notes(timed, splits, able),
         *temperature_notes(recordings),
     )
-    return ModelComparison(
-        source, full_scale_Nm, tuple(rows), choice, devices, notes, tuple(recordings)
-    )
+    found = source, full_scale_Nm, tuple(rows), choice, devices
+    return ModelComparison(*found, notes, tuple(recordings))
 
 
 def _models(

@@ -200,7 +200,7 @@ def loaded(origin: str, controller: str = "") -> Device:
 
 
 def felt_in(
-    device: Device, scene: FaultScene, fault: BoardFault, at: int, seed: int, *ticks: int
+    device: Device, scene: FaultScene, fault: BoardFault, at: int, seed: int, *ticks: Sequence[int]
 ) -> dict[str, float]:
     """One run; ``found_ticks`` -1 where nothing was found."""
     rig = driven_rig_of if below_the_inputs(fault) else rig_of

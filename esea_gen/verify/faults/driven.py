@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 from esea_gen.board.driven import BUS_FAULTS, CURRENT_FAULTS, MAGNET_FAULTS, DrivenSensors
@@ -45,8 +46,7 @@ class DrivenRig(FaultRig):
         fault: BoardFault | None,
         at: int,
         seed: int,
-        after: int = AFTER,
-        run_out: int = AFTER,
+        ticks: Sequence[int] = (AFTER, AFTER),
     ) -> Felt:
         """See :class:`FaultRig`; of a cut the drive is flown afterwards, and must be sound."""
         self.board.restart(blank=True)
@@ -54,7 +54,7 @@ class DrivenRig(FaultRig):
         if fault is not None and fault.place == STORE:
             self._cut(fault.amount)
             fault = None
-        return super().run(scene, fault, at, seed, after, run_out)
+        return super().run(scene, fault, at, seed, ticks)
 
     def _measure(self, readings: dict[str, float]) -> None:
         sensors, board = self.sensors, self.board

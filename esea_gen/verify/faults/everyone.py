@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,36 +38,27 @@ ENCODERS, STOPS = "encoders", "stops"
 # Ticks after a fault; after it was found; after a stop has switched the motor off.
 WATCHED, RUN_OUT, STOP_WATCHED = 3000, 100, 1500
 FEW = (LIMP, COMMON, "60 Nm/rad", "250 Nm/rad", CLAMPED)
-KINDS = {"slip": "jump", "drift": "ramp", "freeze": "freeze", "gain": "gain"}
-BOTH = "count_motor+count_load"
-# Rad, rad/s, and what a gain multiplies; slips and drifts to both sides.
-AMOUNTS: Mapping[str, Mapping[str, Sequence[float]]] = {
-    "freeze": dict.fromkeys(("load", "motor", "both", "gear"), (0.0,)),
-    "gain": dict.fromkeys(("load", "motor", "both", "gear"), (0.8, 1.2)),
-    "slip": {
-        "load": (0.05, 0.0838, 0.3),
-        **{"motor": (0.0838,), "both": (0.0838,), "gear": (0.03,)},
-    },
-    "drift": {
-        "load": (0.02, 0.05, 0.5),
-        **dict.fromkeys(("motor", "both", "gear"), (0.05,)),
-    },
-}
+SIDES = ("load", "motor", "both", "gear")
+# Rad, rad/s, and what a gain multiplies.
+FAULTS = (
+    *(f"freeze:{side}" for side in SIDES),
+    *(f"gain:{side}={x}" for side in SIDES for x in (0.8, 1.2)),
+    *(f"slip:load={x}" for x in (0.05, -0.05, 0.0838, -0.0838, 0.3, -0.3)),
+    *(f"slip:{side}={x}" for side in ("motor", "both") for x in (0.0838, -0.0838)),
+    *(f"slip:gear={x}" for x in (0.03, -0.03)),
+    *(f"drift:load={x}" for x in (0.02, -0.02, 0.05, -0.05, 0.5, -0.5)),
+    *(f"drift:{side}={x}" for side in SIDES[1:] for x in (0.05, -0.05)),
+)
+KINDS = {"slip": "jump", "drift": "ramp"}  # what the rig calls them, by shares of a turn
 Column = tuple[str, str]  # of the table: a row's name and a column's
 
 
-def encoder_faults(gear_ratio: float) -> dict[str, BoardFault]:
-    """By what the table calls them; amounts at the joint, as shares of an encoder's turn."""
-    found = {}
-    for kind, sides in AMOUNTS.items():
-        for side, amounts in sides.items():
-            signed = kind in ("slip", "drift")
-            for amount in (s * a for a in amounts for s in ((1, -1) if signed else (1,))):
-                turns = amount / (2 * math.pi) * (gear_ratio if side == "gear" else 1)
-                label = f"{kind}:{side}" + (f"={amount:g}" if kind != "freeze" else "")
-                place = BOTH if side == "both" else f"count_{side}"
-                found[label] = BoardFault(place, KINDS[kind], turns if signed else amount)
-    return found
+def board_fault(text: str, gear_ratio: float) -> BoardFault:
+    """One of :data:`FAULTS`; the amount at the joint, as a share of the encoder's turn."""
+    kind, side, amount = re.split("[:=]", text + "=0")[:3]
+    place = "count_motor+count_load" if side == "both" else f"count_{side}"
+    turns = float(amount) / (2 * math.pi) * (gear_ratio if side == "gear" else 1)
+    return BoardFault(place, KINDS.get(kind, kind), turns if kind in KINDS else float(amount))
 
 
 def drawn_scene(person: str, seed: int, halts: bool = False) -> FaultScene:
@@ -88,16 +80,16 @@ def felt_by(
     """One run, as the workers call it."""
     at = random.Random(seed).randrange(EARLIEST, LATEST)
     scene = drawn_scene(person, seed, halts)
-    return felt_in(loaded(device, controller), scene, BoardFault(**fault), at, seed, *ticks)
+    return felt_in(loaded(device, controller), scene, BoardFault(**fault), at, seed, ticks)
 
 
 def _encoder_cases(device: Device) -> dict[Column, dict[str, Any]]:
-    actuator = device.file.actuator
-    assert actuator is not None
+    assert device.file.actuator is not None
+    ratio = device.file.actuator.gear_ratio.value
     how = {"halts": False, "ticks": (WATCHED, RUN_OUT)}
     return {
-        (label, person): {"fault": asdict(fault), "person": person} | how
-        for label, fault in encoder_faults(actuator.gear_ratio.value).items()
+        (text, person): {"fault": asdict(board_fault(text, ratio)), "person": person} | how
+        for text in FAULTS
         for person in FEW
     }
 

@@ -178,11 +178,10 @@ class FaultRig:
         fault: BoardFault | None,
         at: int,
         seed: int,
-        after: int = AFTER,
-        run_out: int = AFTER,
+        ticks: Sequence[int] = (AFTER, AFTER),
     ) -> Felt:
-        """One run, to ``after`` ticks beyond the fault or ``run_out`` beyond its end."""
-        board = self.board
+        """One run, for so many ticks after the fault, and at most so many after it was found."""
+        board, (after, run_out) = self.board, ticks
         board.restart()
         plant = RigPlant(self.device, scene, seed, [self.measured[k] for k in self._encoders])
         counts = plant.start()

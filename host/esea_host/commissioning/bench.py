@@ -122,13 +122,16 @@ class CommissioningBench:
             raise CommissioningEndedError("The step was ended before it was through.")
 
     def capture(
-        self, seconds: float, each: Callable[[float], bool | None] | None = None
+        self,
+        seconds: float,
+        each: Callable[[float], bool | None] | None = None,
+        turn_s: float = TURN_S,
     ) -> Capture:
         """What the sensing task was given and gave meanwhile, without a hole."""
         self.device.listen(self._streams)
         queue = self.device.subscribe(self._streams)
         try:
-            found = self._captured(queue, seconds, each)
+            found = self._captured(queue, seconds, each, turn_s)
         finally:
             self.device.receiver.unsubscribe(queue)
         holes = [g for b in found for g in b.gaps]
@@ -145,14 +148,18 @@ class CommissioningBench:
         return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j], self.axis)
 
     def _captured(
-        self, queue: Subscription, seconds: float, each: Callable[[float], bool | None] | None
+        self,
+        queue: Subscription,
+        seconds: float,
+        each: Callable[[float], bool | None] | None,
+        turn_s: float,
     ) -> list[Batch]:
         found: list[Batch] = []
-        for k in range(math.ceil(seconds / TURN_S) + 1):
+        for k in range(math.ceil(seconds / turn_s) + 1):
             self._check()
-            if each is not None and each(k * TURN_S) is False:
+            if each is not None and each(k * turn_s) is False:
                 break
-            self.pass_time(TURN_S)
+            self.pass_time(turn_s)
             found += queue.take(0.0)
         return found
 
@@ -209,7 +216,9 @@ class CommissioningBench:
             "Look at 'which limit acts' in the live view: esea-host view.",
         )
 
-    def driven(self, seconds: float, wanted_Nm: Callable[[float], float]) -> Capture:
+    def driven(
+        self, seconds: float, wanted_Nm: Callable[[float], float], turn_s: float = TURN_S
+    ) -> Capture:
         """Torque mode, armed for as long; motor off afterwards, stopped where something failed."""
         device, name = self.device, of_axis("tau_desired_Nm", self.axis)
         self._arm()
@@ -226,7 +235,7 @@ class CommissioningBench:
             return True
 
         try:
-            found = self.capture(seconds, turn)
+            found = self.capture(seconds, turn, turn_s)
         except BaseException:
             with contextlib.suppress(LinkError):
                 device.stop()

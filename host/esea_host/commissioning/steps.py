@@ -31,6 +31,7 @@ from esea_host.commissioning.record import StepResult, against, new_picture, ove
 from esea_host.commissioning.startup import FRICTION_SHARE, GearPath, StartupCheck, travel
 from esea_host.commissioning.swinging import (
     LENGTH_S,
+    SWING_TURN_S,
     SwungMass,
     hangs_within,
     judged_swings,
@@ -71,7 +72,7 @@ class CommissioningStep:
 
     def lacks(self, options: StepOptions) -> str:
         """How to give what it needs and does not have; empty if it can be done."""
-        return " ".join(how for name, how in self.needs if getattr(options, name) is None)
+        return ", ".join(how for name, how in self.needs if getattr(options, name) is None)
 
 
 # -- zero -----------------------------------------------------------------------------------------
@@ -405,7 +406,7 @@ def _swung(
         )
     )
     bench.wait(LOOK_S)
-    c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm))
+    c = bench.driven(LENGTH_S, lambda at_s: wanted_Nm(at_s, known.weight_Nm + arm_Nm), SWING_TURN_S)
     lasted_s = len(c) * bench.device.identity.tick_us * 1e-6
     if lasted_s < LENGTH_S - 1 and not bench.device.fault():
         said = "".join(f" ({text})" for text in list(bench.device.texts)[-1:])

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve
 
-from esea_gen.control.adaptation import STOP_NM
 from esea_gen.device import Device
+from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import LeastSquares, fit_linear
 from esea_gen.studies.torque_check.procedure import KnownLoad
@@ -25,8 +25,9 @@ from esea_host.recording.layout import Array
 
 LENGTH_S, FADE_S, SHARE = 40.0, 5.0, 0.6
 """Of a swing; the share of the mass's torque that is wanted at most."""
-RATES_HZ, SWELL_S, LEAST_SWELL = (0.25, 0.125), 20.0, 0.4
+RATES_HZ, SWELL_S, LEAST_SWELL = (0.2, 0.1), 20.0, 0.4
 """Two rates tell damping from hysteresis; swelling and fading averages the gear's disturbance."""
+SWING_TURN_S = 0.01  # from one wish to the next: coarser steps drive the motor to its limits
 LEAST_STOP_SHARE = 1.2  # wanted at most, over the stop operator's threshold: else it is no loss
 SECOND_SHARES = (0.3, 0.7)  # second mass over the first
 ROOM_RAD, LEAST_RAD = 0.8, 0.2  # beside the hanging arm; that it must have moved either way
