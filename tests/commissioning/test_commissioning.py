@@ -258,6 +258,7 @@ def test_the_guided_screens(bench_of, qtbot, tmp_path):
     assert "swap two of its phases" in window.text.text()
     assert "FAILED" in window.list.item(2).text()
     folder = os.environ.get("ESEA_PICTURES")
+    qtbot.wait(300)  # texts ask for room
     window.grab().save(str(Path(folder or tmp_path) / "host-commission.png"))
     # Without a known mass the last one cannot be begun, and says why.
     window.list.setCurrentRow(4)
