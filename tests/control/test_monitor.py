@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -63,17 +64,22 @@ def test_a_step_of_an_encoder_s_monitor(drive):
     )
 
 
+def wished(u):
+    moved = 3 * u.theta_desired_rad + 0.35 * u.omega_desired_rad_s
+    return u.tau_desired_Nm + where(u.mode > 1.5, moved, 0)
+
+
 def test_a_step_of_the_monitor(drive):
     """[mon 5]: a rate limit of 50 Nm/s, nine tenths of 0.221 Nm, 25 in a second; a wish's step."""
 
     def together(s, u, rng):
-        wish = u["tau_desired_Nm"] + 3 * u["theta_desired_rad"] + 0.35 * u["omega_desired_rad_s"]
+        wish = wished(SimpleNamespace(**u))
         near = rng.random(COUNT) < 0.7
         s["wish_last_Nm"][near] = (wish + rng.uniform(-0.04, 0.04, COUNT))[near]
 
     run = Steps(monitor(drive), together=together)
     s, u = run.s, run.u
-    wish = u.tau_desired_Nm + 3 * u.theta_desired_rad + 0.35 * u.omega_desired_rad_s
+    wish = wished(u)
     followed = np.clip(np.clip(u.u_command_Nm, s.u_last_Nm - 0.05, s.u_last_Nm + 0.05), -U, U)
     at = np.sign(followed) * (abs(followed) > 0.9 * U)
     excused = where(abs(wish - s.wish_last_Nm) > 0.02235, 2, s.excused)
@@ -154,7 +160,11 @@ def test_swings_that_steps_of_the_wish_make_are_none_of_the_sensing(drive, wish)
     """Steps at 50 Hz, each answered there and back; with a wish at rest the command is found."""
     t = np.arange(3000)
     u = 0.221 * where(t % 20 < 10, 1.0, -1.0)
-    assert not swung(drive, u, **{wish: 0.1 * (t // 20 % 2)}).any()
+    steps = {"mode": np.full(3000, 2.0), wish: 0.1 * (t // 20 % 2)}
+    assert not swung(drive, u, **steps).any()
+    # In torque mode it is the torque that counts.
+    steps["mode"] -= 1
+    assert (swung(drive, u, **steps) == SWINGS).any() == (wish != "tau_desired_Nm")
     assert (swung(drive, u, **{wish: np.full(3000, 0.1)}) == SWINGS).any()
 
 

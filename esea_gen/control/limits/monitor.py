@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.limits.safety import command_range, safety_sections
-from esea_gen.control.reference import largest_gains
+from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
@@ -171,6 +171,7 @@ class _Monitor:
             Port("doubt_motor", SOUND, STUCK, "of the motor-side encoder"),
             Port("doubt_load", SOUND, STUCK, "of the load-side encoder"),
             around("u_command_Nm", command_range(device), "command before the limits"),
+            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
             around("tau_desired_Nm", drive.tau_Nm, "wanted interaction torque"),
             Port("theta_desired_rad", low, high, "wanted angle of the joint"),
             around("omega_desired_rad_s", omega, "wanted rate of the joint"),
@@ -191,7 +192,8 @@ class _Monitor:
         at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
         at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
-        wish = u.tau_desired_Nm + self.kp * u.theta_desired_rad + self.kd * u.omega_desired_rad_s
+        moved = self.kp * u.theta_desired_rad + self.kd * u.omega_desired_rad_s
+        wish = u.tau_desired_Nm + ca.if_else(u.mode > 1.5, moved, 0.0)
         wish = label("wish_Nm", wish, "what is wished, by the largest gains")
         stepped = label("stepped", ca.fabs(wish - s.wish_last_Nm) > self.wish_step)
         excused = label("excuses", ca.if_else(stepped, EXCUSED, s.excused))
@@ -227,7 +229,7 @@ def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
     high = {p.name: p.high for p in block.inputs}
     u = high["u_command_Nm"] * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
     motor, load = (np.where(part, t // 100 % 4, 0) for part in (t > 1600, t < 800))
-    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u}
+    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u, "mode": 1 + t // 1200 % 2}
     # Wishes that stand still, then each in steps, with the swings of the command.
     for i, name in enumerate(WISHES):
         x[name] = 0.5 * high[name] * np.where(t // 300 % 4 == i, t // 37 % 2, 1)
