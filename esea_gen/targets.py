@@ -153,10 +153,11 @@ BOARDS = {
             most_bits=(("encoder.resolution_bits", 14), ("actuator.encoder_bits", 24)),
             uses=("instructions",),
             # Of its memory the black box takes what the application and the stack leave: less
-            # where there are more tasks or a record is long, for then they have more to hold.
+            # where there are more tasks, a record is long or a law keeps much, as a horizon does.
             app_flags=(
                 "-DESEA_BLACKBOX_BYTES="
-                "(109376u-1536u*ESEA_LINK_TASKS-64u*sizeof(esea_blackbox_record_t))",
+                "(114528u-1536u*ESEA_LINK_TASKS-64u*sizeof(esea_blackbox_record_t)"
+                "-2u*sizeof(esea_link_control_t))",
             ),
         ),
         Board(

@@ -174,7 +174,8 @@ def _short(name: str, base: str, words: list[str]) -> str:
     given = read_given(words)
     if not terminal():
         refuse_missing(given)
-    out.print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
+    elif len(given) < len(QUESTIONS):
+        print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
     for k, q in enumerate(QUESTIONS, 1):
         while q.name not in given:
             print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")

@@ -191,6 +191,7 @@ def control_system(
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
     redundant = device.file.redundancy is not None
     passive = device.file.passivity is not None
+    watched = SIDES if device.file.monitor else ()
     blocks: dict[str, Component] = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
@@ -204,7 +205,8 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),
         **({"passivity": passivity(device)} if passive else {}),
-        **(_watched(device) if device.file.monitor else {}),
+        **{f"monitor_{side}": encoder_monitor(device, side) for side in watched},
+        **({"monitor": monitor(device)} if watched else {}),
         "limits": limits(device),
         "drive": drive_observer(device),
         **({"gear": gear_observer(device)} if redundant else {}),
@@ -213,11 +215,6 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "stamp": command_stamp(device),
     }
     return Base(device, blocks, inverse)
-
-
-def _watched(device: DeviceData) -> dict[str, Component]:
-    of_sides = {f"monitor_{side}": encoder_monitor(device, side) for side in SIDES}
-    return {**of_sides, "monitor": monitor(device)}
 
 
 def _blocks(

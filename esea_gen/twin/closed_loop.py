@@ -435,10 +435,8 @@ class ClosedLoop:
             wrong.sides[first : first + len(fault.sides)] = fault.sides
             for on, (count, _, full, _) in zip(wrong.sides, self._encoders(), strict=True):
                 if on and fault.kind in BITS and 2**fault.amount >= float(full):
-                    raise UserError(
-                        f"{fault}: {count} has {math.log2(float(full)):g} bits.",
-                        "Give a lower bit, from 0 on.",
-                    )
+                    bits = f"{math.log2(float(full)):g} bits"
+                    raise UserError(f"{fault}: {count} has {bits}.", "Give a lower one, from 0 on.")
         return wrong
 
     def _result(self, record: Array) -> ClosedLoopRun:

@@ -51,11 +51,11 @@ def gear_disturbance(rms_rad_s2: float, seed: int) -> dict[str, float]:
 
 
 def _bits(device: DeviceData) -> dict[str, float]:
-    # An encoder cannot be finer than the counts in which the device file has it read.
+    # The device's own joint encoders: coarser ones would look like ones with a bit that is stuck.
     assert device.file.actuator is not None
     joint, motor = device.file.encoder.resolution_bits, device.file.actuator.encoder_bits
     return {
-        "joint_encoder_bits": min(float(PLANTS.real.joint_encoder_bits), joint.value),
+        "joint_encoder_bits": joint.value,
         "motor_encoder_bits": min(float(PLANTS.real.motor_encoder_bits), motor.value),
     }
 

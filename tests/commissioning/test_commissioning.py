@@ -202,7 +202,7 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
     monkeypatch.setattr(bench, "pass_time", later)
     with pytest.raises(CommissioningEndedError):
         quick("sign", bench)
-    bench.device.advance(0.3)
+    bench.device.advance(0.6)  # the torque fades, and the heartbeat tells of it
     assert bench.device.state() == "STOPPED"
     assert not bench.device.drive.board.motor[0]
     bench.device.release()
@@ -297,6 +297,7 @@ def test_the_guided_screens(bench_of, qtbot, tmp_path):
     assert "swap two of its phases" in window.text.text()
     assert "FAILED" in window.list.item(2).text()
     folder = os.environ.get("ESEA_PICTURES")
+    qtbot.wait(300)  # texts ask for room
     window.grab().save(str(Path(folder or tmp_path) / "host-commission.png"))
     # Without a known mass the last one cannot be begun, and says why.
     window.list.setCurrentRow(4)

@@ -342,7 +342,6 @@ def test_a_law_without_a_wire_says_which(drive):
 @pytest.mark.ci
 @pytest.mark.parametrize(
     ("controller", "board"),
-    # Both laws, the black box and what couplings bore are 1.3 KB more than the STM32F405's RAM.
     [
         ("mpc", "netduinoplus2"),
         pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow),

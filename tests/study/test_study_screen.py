@@ -238,6 +238,8 @@ def place(tmp_path) -> Path:
 
 @pytest.mark.ci
 def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
+    from PySide6.QtWidgets import QApplication
+
     from esea_host.windows.theme import DARK, LIGHT
 
     require_tool("gcc")
@@ -246,6 +248,8 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
     participant, operator = windows(conductor)
     conductor.arrive()
     operator.resize(1180, 700)
+    for _ in range(3):  # letters grow with the window, and ask for room
+        QApplication.processEvents()
     for theme, name in ((DARK, "study-operator-dark.png"), (LIGHT, "study-operator.png")):
         operator.set_theme(theme)
         picture = operator.grab()

@@ -372,6 +372,8 @@ class Short(Actor):
 
 
 def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monkeypatch, tmp_path):
+    from PySide6.QtWidgets import QApplication
+
     task = task_named("wrist.velocity", "")
     monkeypatch.setattr(type(task), "simulate", lambda *_: Short())
     conductor = begin(calibration(), at=[(4, 7.5), (4, 8.5)], hold=True)
@@ -390,6 +392,8 @@ def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monk
     assert "WAITING FOR YOU" in operator.bar.state.text()
     operator.resize(1180, 560)
     operator.toggle_theme()
+    for _ in range(3):  # letters grow with the window, and ask for room
+        QApplication.processEvents()
     place = Path(os.environ.get("ESEA_PICTURES") or tmp_path)
     assert operator.grab().save(str(place / "study-waiting-dark.png"))
     # Live and at the end: on disk before anything is decided.

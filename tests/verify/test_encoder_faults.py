@@ -21,7 +21,7 @@ from esea_gen.twin.run import run_case
 from esea_gen.verify.faults import everyone
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import rig_of
-from esea_gen.verify.faults.subjects import StretchReflex
+from esea_gen.verify.faults.subjects import SUBJECTS, StretchReflex
 from tests.benchmarks.encoder_faults import quiet
 from tests.cli.test_cli import run as run_cli
 from tests.conftest import ROOT, require_tool, without
@@ -301,3 +301,21 @@ def test_the_command_says_what_came_of_it(tmp_path):
     done = run_cli(*SIMULATE, "bread", "--fault", "freeze:load@40", cwd=tmp_path)
     assert done.returncode == 2
     assert "outside 0.1 to 25 s" in re.sub(r"\s+", " ", done.stderr)
+
+
+@pytest.mark.ci
+def test_the_command_writes_the_table_by_person(tmp_path):
+    require_tool("gcc")
+    out = tmp_path / "stops.json"
+    call = ("faults", "elbow_drive", "--table", "stops", "--runs", "1", "--jobs", "1")
+    done = run_cli(*call, "--controller", "smc", "--json", out, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
+    content = json.loads(out.read_text())
+    assert {r["name"] for r in content["people"]} == set(SUBJECTS)
+    for wrong in (
+        ("--table", "stop"),
+        ("--controller", "smc"),
+        ("--table", "stops", "--emulator", "1"),
+    ):
+        assert run_cli("faults", "elbow_drive", *wrong, cwd=tmp_path).returncode == 2, wrong

@@ -120,6 +120,7 @@ def seen(lockstep, qtbot, tmp_path):
     window.resize(1180, 760)
     qtbot.addWidget(window)
     window.show()
+    feed.ask()  # for the limits
     window.draw()
     yield window, feed
     feed.close()

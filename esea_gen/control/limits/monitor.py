@@ -16,15 +16,7 @@ import numpy as np
 from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Constant,
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, Side, step_max_counts
 from esea_gen.model.sections import section_of
@@ -76,8 +68,7 @@ class _EncoderMonitor:
         self.equations = equations(EQUATIONS)
         self.streams = OwnStreams(_events)
         bits = Constant("low_bits", len(self.low), "steps of these are believed", "derived")
-        own_constants = device.constants("monitor")
-        self.constants = (*(c for c in own_constants if c.name != "swings_1_s"), bits)
+        self.constants = (*device.constants("monitor")[:2], bits)
         n, most = len(self.low), max(self.room)
         self.state = (
             Port("followed", 0.0, 1.0, "1 when the last frame was good"),
@@ -134,15 +125,8 @@ class _EncoderMonitor:
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
         rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
-        next_state = {
-            "followed": good,
-            "count_last": count,
-            "step": now,
-            "mean": mean,
-            "roughness": roughness,
-            "ones": ones[: len(moved)],
-            "moved": moved,
-        }
+        next_state = {"followed": good, "count_last": count, "step": now, "mean": mean}
+        next_state |= {"roughness": roughness, "ones": ones[: len(moved)], "moved": moved}
         doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
 
@@ -163,8 +147,7 @@ class _Monitor:
         self.title = "Whether joint encoders and motor behave as sound ones do"
         self.equations = equations(SWINGING)
         self.streams = OwnStreams(_commands)
-        own_constants = device.constants("monitor")
-        self.constants = tuple(c for c in own_constants if c.name == "swings_1_s")
+        self.constants = tuple(device.constants("monitor")[2:])
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
@@ -194,11 +177,8 @@ class _Monitor:
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
         swings = s.swings * self.decay + ca.if_else(swung, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
-        next_state = {
-            "u_last_Nm": followed,
-            "limit_last": ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last),
-            "swings": swings,
-        }
+        last = ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last)
+        next_state = {"u_last_Nm": followed, "limit_last": last, "swings": swings}
         doubt = ca.fmax(ca.fmax(u.doubt_motor, u.doubt_load), often)
         return next_state, {"doubt": doubt, "status": guard.status(often)}
 
@@ -219,11 +199,8 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
 
 
 def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
-    # A command from limit to limit, slower and faster, and each doubt of either side.
-    t = np.arange(2400)
-    high = block.inputs[-1].high
-    u = high * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
-    doubt = t // 100 % 4
-    sides = {"doubt_motor": np.where(t > 1600, doubt, 0), "doubt_load": np.where(t < 800, doubt, 0)}
-    x = {n: v.astype(float) for n, v in sides.items()}
-    return [Stream("to and fro", x | {"u_command_Nm": u})]
+    # From limit to limit, slower and faster, and each doubt of either side.
+    t = np.arange(2400.0)
+    u = block.inputs[-1].high * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
+    motor, load = (np.where(part, t // 100 % 4, 0) for part in (t > 1600, t < 800))
+    return [Stream("to and fro", {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u})]

@@ -25,7 +25,7 @@ from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, drive
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
 from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, FaultScene, rig_of, scene_of
-from esea_gen.verify.faults.subjects import CLAMPED, COMMON, SUBJECTS
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP, SUBJECTS
 
 DEFAULT_RUNS = 2000
 
@@ -224,7 +224,9 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
     below = driver_faults() if len(device.axes) == 1 else []
     faults = all_faults(device, memory[0], memory[1], seed, runs, below)
     rng = random.Random(seed)
-    movers = [p for p in SUBJECTS if p != CLAMPED] if len(device.axes) == 1 else [COMMON]
+    # Long before a late fault a limp arm may have swung out of its range.
+    movers = [p for p in SUBJECTS if p not in (LIMP, CLAMPED)]
+    movers = movers if len(device.axes) == 1 else [COMMON]
     cases = []
     for k, f in enumerate(faults):
         scene = rng.choice(SCENES)

@@ -16,7 +16,7 @@ from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_gen.model.sensing import of_axis
 from esea_host.commissioning.startup import DriveRecording, GearPath
-from esea_host.connection import Batch, ConnectedDevice, Subscription
+from esea_host.connection import Batch, ConnectedDevice
 from esea_host.recording.layout import Array
 
 TURN_S = 0.02  # from one command to the next
@@ -130,8 +130,14 @@ class CommissioningBench:
         """What the sensing task was given and gave meanwhile, without a hole."""
         self.device.listen(self._streams)
         queue = self.device.subscribe(self._streams)
+        found: list[Batch] = []
         try:
-            found = self._captured(queue, seconds, each, turn_s)
+            for k in range(math.ceil(seconds / turn_s) + 1):
+                self._check()
+                if each is not None and each(k * turn_s) is False:
+                    break
+                self.pass_time(turn_s)
+                found += queue.take(0.0)
         finally:
             self.device.receiver.unsubscribe(queue)
         holes = [g for b in found for g in b.gaps]
@@ -146,22 +152,6 @@ class CommissioningBench:
         given, told = (np.concatenate(rows[n]) for n in self._streams)
         _, i, j = np.intersect1d(given["sequence"], told["sequence"], return_indices=True)
         return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j], self.axis)
-
-    def _captured(
-        self,
-        queue: Subscription,
-        seconds: float,
-        each: Callable[[float], bool | None] | None,
-        turn_s: float,
-    ) -> list[Batch]:
-        found: list[Batch] = []
-        for k in range(math.ceil(seconds / turn_s) + 1):
-            self._check()
-            if each is not None and each(k * turn_s) is False:
-                break
-            self.pass_time(turn_s)
-            found += queue.take(0.0)
-        return found
 
     def recording(self, c: Capture) -> DriveRecording:
         """A capture as the checks of a start-up take it."""

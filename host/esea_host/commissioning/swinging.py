@@ -137,15 +137,10 @@ class _Rows:
         assert a is not None
         sign = smooth(np.tanh(np.gradient(r.gear_rad, h) / a.coulomb_width_rad_s.value))
         drive = np.column_stack([np.gradient(turning, h), turning, sign])
-        return cls(
-            swing.mass_Nm,
-            angle[used],
-            rate[used],
-            np.gradient(rate, h)[used],
-            smooth(swing.tau_Nm)[used],
-            smooth(gear_torque_Nm(device, r))[used],
-            drive[used],
-        )
+        alpha, shown = np.gradient(rate, h), smooth(swing.tau_Nm)
+        angle, rate, alpha, shown = (x[used] for x in (angle, rate, alpha, shown))
+        motor = smooth(gear_torque_Nm(device, r))[used]
+        return cls(swing.mass_Nm, angle, rate, alpha, shown, motor, drive[used])
 
 
 def _fitted(rows: Sequence[_Rows], tick_s: float) -> tuple[LeastSquares, LeastSquares, float]:

@@ -106,6 +106,7 @@ class BoardBar(QWidget):
         self.indicators = IndicatorRow()
         self.steps: dict[str, StepButton] = {}
         self.readouts: dict[str, QLabel] = {}
+        self._told: dict[str, tuple[str, str, str]] = {}
         self.stop_button = QPushButton(stop_text)
         self.stop_button.setStyleSheet(STOP_STYLE)
         self.stop_button.setFixedSize(STOP_PX)
@@ -145,11 +146,14 @@ class BoardBar(QWidget):
 
     def show_value(self, name: str, text: str, caption: str = "", colour: str = "") -> None:
         """A value to be read from afar; caption: instead of its name."""
+        self._told[name] = text, caption, colour
         px, caption = self._px(), caption or name
         if name not in self.readouts:
             self.readouts[name] = QLabel()
             self._values.addWidget(self.readouts[name])
-        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>"
+        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>".replace(
+            "\n", "<br>"
+        )
         style = f"font-size:{px}px" + (f"; color:{colour}" if colour else "")
         self.readouts[name].setText(f"{small}<br><b style='{style}'>{text}</b>")
         self.readouts[name].setMinimumWidth(7 * px // 2)
@@ -199,3 +203,5 @@ class BoardBar(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         self.show_state(*self._shown)
+        for name, given in self._told.items():
+            self.show_value(name, *given)

@@ -321,8 +321,7 @@ class LoopPlot(PlotPanel):
     """Torque over deflection: the hysteresis of the elastomer, a line that fades with its age."""
 
     def __init__(self, area: Any, x: ShownSignal, y: ShownSignal) -> None:
-        title = f"Torque over deflection (means of {MEAN_ROWS} samples)"
-        super().__init__(area.addPlot(row=0, col=0), title)
+        super().__init__(area.addPlot(row=0, col=0), "Torque over deflection (mean)")
         self.x, self.y = x, y
         self._past = [self.item.plot(antialias=True) for _ in range(FADES)]
         self._now = self.item.plot(symbol="o")

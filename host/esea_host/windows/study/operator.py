@@ -99,7 +99,7 @@ class OperatorWindow(StopWindow):
         words = self.words
         name = " ".join(words.or_same("gauge", part) for part in g.name.split())
         ends = (words.format_field(x, ".3g") for x in (g.low, g.high))
-        return f"{name} [{words.or_same('gauge', g.unit)}], {' … '.join(ends)}"
+        return f"{name} [{words.or_same('gauge', g.unit)}]\n{' … '.join(ends)}"
 
     def _build_trials(self) -> None:
         plan, words = self.conductor.plan, self.words
@@ -267,7 +267,7 @@ class OperatorWindow(StopWindow):
         word, _, why = self._word().partition(": ")
         self.bar.show_state(word, self._role())
         advice = [words.of(a) for a in c.advice[:3]]
-        told = " ".join(filter(None, (why, *advice)))
+        told = "\n".join(filter(None, (why, *advice)))
         self.bar.tell(told or self._next(), self.theme, alarm=bool(told), said=words.of(c.said))
 
     def _word(self) -> str:
