@@ -209,6 +209,9 @@ class CommissioningWindow(StopWindow):
         for name in (RELEASE, CLEAR):
             self.bar.steps[name].refuse("a step runs" if self.busy else reasons[name])
         alarm = NOT_CONFIRMED if self.stop_unconfirmed(state) else ""
+        receiver = self.bench.device.receiver
+        if receiver.away and not alarm:
+            alarm = f"{receiver.away_text()}. Last state: {state}."
         words = alarm or NEXT.get(state if state in STANDS else "", "") or self._next()
         self.bar.tell(words, self.theme, alarm=bool(alarm), said=self._answer)
 
