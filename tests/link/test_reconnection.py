@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 import esea_host
-from esea_gen.link.transport import LinkError
+from esea_gen.link.transport import LinkError, open_transport
 from esea_host.connection import device as device_module
 from esea_host.windows.feed import LiveFeed
 from tests.conftest import until
@@ -76,24 +78,33 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(cut, tmp
 def test_a_command_that_waits_while_the_link_breaks_is_not_sent_afterwards(cut):
     with esea_host.open_device(cut.proxy.address) as device:
         cut.proxy.loses = True
-        said: list[str] = []
-
-        def arm() -> None:
-            try:
-                device.arm()
-            except LinkError as error:
-                said.append(str(error))
-
-        waiting = threading.Thread(target=arm)
-        waiting.start()
-        until(lambda: device.receiver.asked_by is not None)
-        cut.proxy.pull()
-        waiting.join(60.0)
+        with ThreadPoolExecutor() as pool:
+            waiting = pool.submit(device.arm)
+            until(lambda: device.receiver.asked_by is not None)
+            cut.proxy.pull()
+            with pytest.raises(LinkError, match=r"^No link since "):
+                waiting.result(60.0)
         until(lambda: device.receiver.reconnects)
-        assert said[0].startswith("No link since ")
-        assert "No answer came" in said[0] or "Ask again" in said[0]
         assert device.clock()["refused"] == 0  # what came at all was not an arming
-        assert device.state() != "ARMED"
+
+
+def test_who_comes_second_is_refused_at_once_and_learns_who_is_first(cut, monkeypatch):
+    address = cut.proxy.address
+    monkeypatch.setattr("esea_host.simulated.server.GUEST_S", 60.0)  # for a stop of theirs
+    with esea_host.open_device(address):
+        greeted = time.monotonic()
+        with pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"):
+            esea_host.open_device(address)
+        assert time.monotonic() - greeted < 2.5  # of the 3 s in which it would answer
+    ours, theirs = os.openpty()
+    first = open_transport(f"pty:{os.ttyname(theirs)}")
+    for kind in ("pty", "serial"):
+        with pytest.raises(LinkError, match=f"process {os.getpid()} is connected to the board"):
+            open_transport(f"{kind}:{os.ttyname(theirs)}")
+    first.close()
+    open_transport(f"pty:{os.ttyname(theirs)}").close()
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_the_window_shows_since_when_what_was_known_and_connects_again(cut, qtbot, monkeypatch):

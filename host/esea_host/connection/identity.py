@@ -106,6 +106,7 @@ def identify(
     given = expected if isinstance(expected, Device) else None
     device = given or loaded_device(str(expected or ANYBODY))
     session = Session(transport, load_dialect(device), PROBE_S)
+    session.stays = False
     try:
         key = _key_taken(session, key)
         info, start = session.info(), session.boot_number()

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.link.transport import LinkError
-from esea_host.connection import Batch, ConnectedDevice
+from esea_host.connection import Batch, ConnectedDevice, PlayedBoard
 from esea_host.connection.receiver import KEY
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array, StreamLayout
@@ -30,6 +30,15 @@ ANGLES = ("theta_motor", "theta_load")
 STILL_RAD, STILL_S, ZEROED_S = math.radians(0.5), 0.2, 0.5
 COMPONENT = 192  # a stop's frames are counted apart from the session's
 EVERY_S, FOR_S = 0.05, 2.0
+# What the health of a link counts, as it is shown.
+COUNTED = {
+    "gaps": "gaps",
+    "lost_frames": "frames lost",
+    "bad_frames": "damaged",
+    "reconnects": "reconnects",
+    "dropped_rows": "rows not recorded",
+    "not_shown": "rows not shown",
+}
 
 
 class StopSender:
@@ -132,7 +141,10 @@ class LiveFeed:
 
     @property
     def silent(self) -> bool:
+        """Whether what is known of the board is old."""
         receiver = self.device.receiver
+        if isinstance(self.device, PlayedBoard):
+            return False
         gone = receiver.away or receiver.reconnects != self._back
         return gone or time.monotonic() - self.came_s > SILENT_S
 
@@ -277,6 +289,12 @@ class LiveFeed:
         for thread in self._threads:
             thread.join(2.0)
         self.device.receiver.unsubscribe(self._queue)
+
+
+def link_text(feed: LiveFeed) -> str:
+    health = feed.news.health
+    lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
+    return f"Link: {'none' if feed.silent else ', '.join(lost) or '0 messages lost'}"
 
 
 @dataclass(frozen=True)
