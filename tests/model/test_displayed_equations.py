@@ -81,8 +81,9 @@ SPACE = {
     **{"pi": math.pi, "Rise": Rise, "ca": ca, "LATE": LATE, "EXTRA": EXTRA},
     "B": signal.butter(4, 1, analog=True),
 }
-# No single step has their value: a breakpoint, a table, a transfer function, sums over terms.
-ELSEWHERE = {"[breakpoint]", "[table]", "[DOB 3]", "[smooth]", "[family]"}
+# No single step has their value: a breakpoint, a table, a transfer function, sums over terms, a
+# comparison.
+ELSEWHERE = {"[breakpoint]", "[table]", "[DOB 3]", "[smooth]", "[family]", "[mon 3]", "[mon 4]"}
 
 
 def pairs(text: str) -> list[tuple[str, str]]:
