@@ -251,7 +251,8 @@ class StopWindow(QMainWindow):
         """State, next step, refusals and alarms of a board; more: further alarms."""
         news, drives = feed.news, ARM in self.bar.steps
         word, _, rest = news.state.partition(": ")
-        self.bar.show_state(word, ROLES.get(word, "rest"))
+        lost = self._lost(feed)
+        self.bar.show_state(*(("NO LINK", "alarm") if lost else (word, ROLES.get(word, "rest"))))
         alarms = [*self.alarms(feed), *filter(None, more)]
         words = [state_text(feed.device.session.dialect, word), NEXT.get(word, "")]
         if word == "READY" and not drives:
@@ -260,7 +261,7 @@ class StopWindow(QMainWindow):
         self.bar.tell("\n".join(alarms) or told, self.theme, alarm=bool(alarms), said=news.said)
         fault = 0 if news.fault is None else news.fault.number
         reasons = refusals(news.state, feed.moves, fault)
-        if self._lost(feed):
+        if lost:
             reasons = dict.fromkeys(reasons, "no link") | {DISARM: ""}
         self.bar.refuse(reasons)
 
@@ -285,7 +286,7 @@ class StopWindow(QMainWindow):
             lines.append(NOT_CONFIRMED)
         lines += [news.error] if news.error else []
         if self._lost(feed):
-            lines.append("Nothing comes from the board: what is shown is old.")
+            lines.append(feed.lost_text())
         if news.fault is not None:
             f = news.fault
             lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")

@@ -299,7 +299,11 @@ class LiveWindow(StopWindow):
         ended = [] if recording is None or recording.error is None else [str(recording.error)]
         self.tell_board(self.feed, [f"RECORDING ENDED: {error}" for error in ended])
         mode = self.columns.mode(self.axis)
-        told = [self._who, f"mode: {mode}" if mode else "", link_text(self.feed.news.health)]
+        told = [
+            self._who,
+            f"mode: {mode}" if mode else "",
+            link_text(self.feed.news.health, self._lost(self.feed)),
+        ]
         if self.played is not None:
             told.append(f"played at {self.played.speed:g} times its speed")
         elif recording is None:

@@ -94,7 +94,9 @@ def fault_text(dialect: Any, number: int) -> FaultText:
     return FaultText(number, name, meaning.strip(), cure.strip().rstrip("."))
 
 
-def link_text(health: Mapping[str, int]) -> str:
+def link_text(health: Mapping[str, int], gone: bool = False) -> str:
+    if gone:
+        return "Link: none"
     lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
     return f"Link: {', '.join(lost)}" if lost else "Link: 0 messages lost"
 

@@ -287,7 +287,9 @@ class WristWindow(StopWindow):
     def _tell(self, picture: DisplayPicture) -> None:
         guide = self.display.guide
         self.tell_board(self.feed, [self.keeper.said])
-        self.bar.who.setText(f"{self._who}  |  {link_text(self.feed.news.health)}")
+        self.bar.who.setText(
+            f"{self._who}  |  {link_text(self.feed.news.health, self._lost(self.feed))}"
+        )
         self.confirmed.setText(self._constraint(picture.acts))
         for name, wanted in (("Healthy", False), ("Constrained", True)):
             self.buttons[name].setChecked(self.keeper.wanted is wanted)
