@@ -76,7 +76,7 @@ class Messenger:
         self._asked_s, self._every_s = float("-inf"), SOONEST_S
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
-        self.was_late = False
+        self.was_late, self.stays = False, True  # stays: beside who commands, for a stop
         self._refusal = ""  # what it said to the last command, if that did not count
         self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
 
@@ -300,6 +300,8 @@ class Messenger:
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
                 self.texts.append(str(message.text))
+                if not self.stays:
+                    self._refuse_beside()
                 if self.texts[-1].startswith("refused: "):
                     self._refusal = self.texts[-1]
                     self.was_late = "too late" in self._refusal

@@ -13,6 +13,7 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.session import Assessment
 from esea_host.commissioning import (
     STEPS,
+    BoardUnit,
     CommissioningRecord,
     StepOptions,
     simulated_bench,
@@ -68,7 +69,8 @@ def commissioning(feed, live, tmp_path):
     from esea_host.windows.commission import CommissioningWindow
 
     bench = simulated_bench(feed.device.drive)
-    return CommissioningWindow(bench, STEPS, StepOptions(), CommissioningRecord(tmp_path, "x"))
+    record = CommissioningRecord(tmp_path, "x", BoardUnit("", 1))
+    return CommissioningWindow(bench, STEPS, StepOptions(), record)
 
 
 def operator(feed, live, tmp_path):
