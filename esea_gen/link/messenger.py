@@ -313,12 +313,19 @@ class Messenger:
         return bool(data)
 
     def command(
-        self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
+        self,
+        command: int,
+        param1: float = 0.0,
+        param2: float = 0.0,
+        *,
+        again: bool = False,
+        drop_before: bool = False,
     ) -> int:
         def fits(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
 
-        message = self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *[0.0] * 5)
+        params = (param1, param2, *[0.0] * 5)
+        message = self.message("COMMAND_LONG", *self.board, command, int(again), *params)
         for _ in self.attempts():
             self.send(message)
             ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
@@ -343,8 +350,10 @@ class Messenger:
         own.sign_outgoing = False
         self._board_time = None
 
-    def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
-        result = self.command(command, param1, param2)
+    def _ask(
+        self, what: str, command: int, param1: float = 0.0, param2: float = 0.0, again: bool = False
+    ) -> None:
+        result = self.command(command, param1, param2, again=again)
         if result == self._denied:
             raise LinkError(f"the board does not {what}", LATE if self.was_late else UNSIGNED)
         if result != self.dialect.MAV_RESULT_ACCEPTED:

@@ -361,6 +361,7 @@ def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
 
     ends = {
         "in its time": (lambda: stop_again(1), "STOPPING"),
+        "whoever tidies up": (lambda: armed.stop(again=True), "STOPPING"),
         "a second stop": (lambda: stop_again(0), "STOPPED"),
         "the line": (lambda: line(True), "STOPPED"),
         "a lost tick": (lambda: armed.lib.sim_tick(3, True), "FAULT"),

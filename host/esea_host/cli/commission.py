@@ -189,7 +189,7 @@ def _in_terminal(
         try:
             result = run_step(bench, step, options)
         except (CommissioningEndedError, KeyboardInterrupt):
-            bench.device.stop()
+            bench.device.stop(again=True)
             out.print(f"{step.title}: ended; the board is told to stop")
             return False
         say(result.lines())

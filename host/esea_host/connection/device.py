@@ -372,10 +372,16 @@ class ConnectedDevice:
         self.listen([stream])
         return stream, everything if stream in names else names
 
-    def stop(self) -> None:
-        """Stop the motor; taken in every state, held until :meth:`release`."""
+    def stop(self, *, again: bool = False) -> None:
+        """Stop the motor; taken in every state, held until :meth:`release`.
+
+        Parameters
+        ----------
+        again : bool
+            Not a second stop, which switches off at once: one that is under way goes on.
+        """
         with self._ask():
-            self.session.stop()
+            self.session.stop(again=again)
 
     def release(self) -> None:
         """Take a stop back; the motor stays off."""

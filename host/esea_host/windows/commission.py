@@ -42,7 +42,7 @@ from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
 from esea_host.windows.theme import LIGHT
 
 LOOK_MS = 200
-STANDS = ("STOPPED", "FAULT")
+STANDS = ("STOPPING", "STOPPED", "FAULT")
 
 
 class CommissioningWindow(StopWindow):
@@ -164,7 +164,7 @@ class CommissioningWindow(StopWindow):
         except Exception as error:
             if isinstance(error, CommissioningEndedError):
                 with contextlib.suppress(Exception):
-                    self.bench.device.stop()
+                    self.bench.device.stop(again=True)
             self.ended.emit(error)
         else:
             self.ended.emit(result)
@@ -184,10 +184,10 @@ class CommissioningWindow(StopWindow):
 
     def stop(self) -> None:
         """End the step that runs, and stop the motor; returns at once."""
-        self.bench.cancel()
         if self._stopper is not None:
             self._stopper.stop()
             self.stop_asked_s = time.monotonic()
+        self.bench.cancel()
 
     def _command(self, name: str, job: Callable[[], None]) -> None:
         # No step runs, and the motor is off: nothing has to be stopped meanwhile.

@@ -48,17 +48,17 @@ class StopSender:
         self._device = device
         self._dialect = device.session.dialect
         self._encoder = self._dialect.MAVLink(None, 255, COMPONENT)
-        self._wanted, self._closed = threading.Event(), False
+        self._asks: queue.SimpleQueue[bool] = queue.SimpleQueue()  # False: closed
         self.sent = 0
         self._thread = threading.Thread(target=self._run, name="esea-stop", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        self._wanted.set()
+        self._asks.put(True)
 
     def close(self) -> None:
-        self._closed = True
-        self._wanted.set()
+        """What was asked before is sent."""
+        self._asks.put(False)
         self._thread.join(1.0)
 
     def send(self, repeats: int = 0) -> None:
@@ -76,23 +76,17 @@ class StopSender:
         return session.heartbeat is not None and session.state() == "STOPPED"
 
     def _run(self) -> None:
-        while True:
-            self._wanted.wait()
-            if self._closed:
-                return
+        while self._asks.get():
             end_s, repeats = time.monotonic() + FOR_S, 0
             # Once at least: what the heartbeat says may be old.
-            while not self._closed:
-                if self._wanted.is_set():
-                    self._wanted.clear()
-                    repeats = 0
+            while repeats == 0 or not (self._stopped() or time.monotonic() >= end_s):
                 with contextlib.suppress(LinkError):
                     self.send(repeats)
                 repeats += 1
-                if self._wanted.wait(EVERY_S):
-                    continue
-                if self._stopped() or time.monotonic() >= end_s:
-                    break
+                with contextlib.suppress(queue.Empty):
+                    if not self._asks.get(timeout=EVERY_S):
+                        return
+                    repeats = 0
 
 
 @dataclass
