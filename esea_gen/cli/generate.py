@@ -154,6 +154,8 @@ def new(
     out.print(f"device file: {path}")
     out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
     out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
+    if short:
+        out.print(f"See whether it follows: esea-gen simulate tuning --controller {path}")
 
 
 def terminal() -> bool:
@@ -176,6 +178,13 @@ def _short(name: str, base: str, words: list[str]) -> str:
         refuse_missing(given)
     elif len(given) < len(QUESTIONS):
         print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
+    asked = len(given) < len(QUESTIONS)
+
+    def repeat() -> str:  # answers that somebody typed are not lost
+        rows = "".join(f" \\\n  --give {k}={v:.12g}" for k, v in given.items())
+        again = f"esea-gen new {name} --short --from {base}{rows}"
+        return f"To correct one, change it here:\n  {again}"
+
     for k, q in enumerate(QUESTIONS, 1):
         while q.name not in given:
             print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")
@@ -185,9 +194,14 @@ def _short(name: str, base: str, words: list[str]) -> str:
             except UserError as error:
                 print(f"   {error}")
             except EOFError:
-                raise UserError("No more answers came; nothing was written.", "") from None
+                raise UserError("No more answers came; nothing was written.", repeat()) from None
     text = short_text(name, base, given)
-    _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
+    try:
+        _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
+    except UserError as error:
+        if not asked:
+            raise
+        raise UserError(f"{error}\nNothing was written.", repeat()) from None
     return text
 
 

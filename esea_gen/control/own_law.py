@@ -156,8 +156,9 @@ def _check_kernels(path: Path, law: str, made: Parts) -> None:
                 if name:
                     fix = _instead(name) if code in missing else fix
                     line = _line(path, f"inf nan {name}")
+                    at = f", line {line}" if line else ""  # a result of division is nowhere written
                     raise UserError(
-                        f"{path.name}, line {line}: law {law}: {name} in Block {block.name}.", fix
+                        f"{path.name}{at}: law {law}: {name} in Block {block.name}.", fix
                     )
 
 

@@ -51,7 +51,7 @@ _POWERS: tuple[tuple[dict[str, float], str], ...] = (
     ({"motor lag": -1}, "sliding_mode.lambda_1_s"),
     (
         {"stiffness": 0.5, "drive inertia": 0.5},
-        "passivity.damping_Nms_rad passivity.Kd_max_Nms_rad",
+        "passivity.damping_Nms_rad passivity.least_Nms_rad passivity.Kd_max_Nms_rad",
     ),
 )
 POWERS = {key: powers for powers, keys in _POWERS for key in keys.split()}

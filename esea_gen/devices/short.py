@@ -28,15 +28,19 @@ class DeviceQuestion:
     def facts(self) -> Mapping[str, Any]:
         return field_facts(self.key)
 
+    @property
+    def unit(self) -> str:
+        unit = unit_of(self.name)
+        return "" if unit == "1" else f" in {unit}"
+
     def __str__(self) -> str:
-        unit, f = unit_of(self.name), self.facts
-        named = self.name if unit == "1" else f"{self.name} in {unit}"
+        f, named = self.facts, f"{self.name}{self.unit}"
         return f"{self.text}: {named}, {f['low']:g} to {f['high']:g}, such as {self.typical:g}"
 
 
 # Key, typical value, what it is, and why it is asked.
 _ROWS = """
-joint.Jh_kgm2 | 0.22 | Inertia of limb and load side about the joint | A forearm has 0.05 to 0.1.
+joint.Jh_kgm2 | 0.22 | Inertia of limb and load side about the joint | A forearm has 0.05 to 0.1; give three times a light hand's.
 safety.rom_min_rad | -0.15 | Lower end of the range of motion | Nothing pushes below.
 safety.rom_max_rad | 2.5 | Upper end of the range of motion | Nothing pushes above.
 safety.tau_max_Nm | 8 | Torque on the person that trips the drive | Less than what may hurt.
@@ -64,7 +68,13 @@ def read_answer(question: DeviceQuestion, text: str) -> float:
     facts = question.facts
     if not math.isfinite(value) or (facts["whole"] and value != round(value)):
         kind = "whole number" if facts["whole"] else "number"
-        raise UserError(f"{question.name} = {text!r} is no {kind}.", f"Give {question.typical:g}.")
+        point = ", with a decimal point" if kind == "number" and "," in text else ""
+        raise UserError(
+            f"{question.name} = {text!r} is no {kind}.",
+            f"Give a {kind}{question.unit}{point}, such as {question.typical:g}.",
+        )
+    if value == 0 and facts["low"] == 0:
+        raise UserError(f"{question.name} = 0 is no drive's.", f"Give {question.typical:g}, say.")
     if problem := beyond(question.name, value, dict(facts)):
         raise problem
     return value

@@ -30,6 +30,8 @@ def controller_device(controller: str) -> Device:
     names, _, base = controller.partition("@")
     parts = names.split(",")
     for part in parts:
+        if part.endswith(".py"):
+            raise UserError(f"{part}: which law of it?", f"Write its name there, as {part}:LAW.")
         if not part.endswith(".toml") and ".py:" not in part:
             choose("controller", part, controllers(), ", or give a device or FILE.py:law")
     base = base or DRIVE

@@ -16,6 +16,7 @@ from esea_gen.device import Device, load_device
 from esea_gen.emit.walker import OPERATIONS
 from esea_gen.errors import UserError
 from esea_gen.trust import read_code, trust
+from esea_gen.twin.controllers import controller_device
 
 EXAMPLE = (Path(__file__).parents[2] / "examples" / "proportional.py").read_text()
 
@@ -78,6 +79,17 @@ def test_what_is_wrong_in_a_law_is_told_with_its_line(base, tmp_path, old, new, 
     if "not Parts" not in words:
         assert said.startswith(f"mine.py, line {line}: law proportional: ")
     assert ca.SX.__float__.__name__ == "__float__"  # put back
+
+
+def test_a_number_that_is_written_nowhere_has_no_line(base, tmp_path):
+    law, _ = changed(tmp_path, SIGNAL, "1 / (u.tau_Nm * 0)")
+    with pytest.raises(UserError, match=r"^mine\.py: law proportional: inf in Block"):
+        outside_law(law).parts(base)
+
+
+def test_a_law_that_is_not_named_is_asked_for():
+    with pytest.raises(UserError, match=r"Write its name there, as mine\.py:LAW"):
+        controller_device("mine.py")
 
 
 @pytest.mark.parametrize(

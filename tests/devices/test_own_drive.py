@@ -151,6 +151,11 @@ def test_the_elbow_scaled_to_a_wrist_has_what_was_designed_for_the_wrist():
         assert made[key].value == pytest.approx(WRIST[key].value, rel=0.1), key
 
 
+def test_a_light_drive_has_no_more_least_damping_than_damping():
+    made = short(WRIST, 3e-6, u_max_Nm=0.08, k1_Nm_rad=3.0, tau_max_Nm=2.0).file.passivity
+    assert made.least_Nms_rad.value < made.damping_Nms_rad.value
+
+
 def test_a_number_that_the_file_gives_is_left_as_it_is():
     text = short_text("mine", "elbow_drive", answers(ELBOW, 3e-4) | {"gear_ratio": 50.0})
     own_J = 'J_kgm2 = { value = 0.9, status = "identified", source = "rig" }\n'
@@ -205,6 +210,8 @@ def test_without_a_terminal_what_is_missing_is_listed_and_nothing_written(monkey
     for wrong, words in (
         ("gear_ratio=x", "gear_ratio = 'x' is no number"),
         ("gear_ratio=0.5", "gear_ratio = 0.5 is below its limit 1"),
+        ("gear_ratio=3,6", "with a decimal point"),
+        ("k1_Nm_rad=0", "k1_Nm_rad = 0 is no drive's"),
         ("encoder_bits=12.5", "no whole number"),
         ("gear_rato=74", "Did you mean gear_ratio"),
     ):
@@ -232,6 +239,10 @@ def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_pat
     assert "12 of 12. Rate of the control task" in said
     assert "Jh_kgm2 = 'a lot' is no number" in said
     made = load_device(tmp_path / "mine.toml").file
+    (tmp_path / "mine.toml").unlink()
+    said = asked(monkeypatch, tmp_path, typed="0.35\n2\n1\n" + "\n" * 9)
+    assert "Nothing was written. To correct one" in said  # the answers are not lost
+    assert "--give Jh_kgm2=0.35" in said
     assert made.joint.Jh_kgm2.value == 0.35
     assert made.safety.rom_min_rad.value == -0.15  # Enter takes the typical one
     assert made.timing.control_rate_Hz.value == 250

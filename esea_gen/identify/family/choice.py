@@ -74,7 +74,8 @@ def choose(rows: Sequence[CompareRow], whole: Set[str], costs: Mapping[str, floa
         return f"{facts(m)}; by condition {' to '.join(ends)} times the chosen one's error."
 
     one = len(conditions) == 1
-    over = f"{conditions[0]} alone" if one else f"geometric mean of {len(conditions)} conditions"
+    each = f"{len(conditions)} conditions, each left out of the training as a whole"
+    over = f"{conditions[0]} alone" if one else f"geometric mean of {each}"
     reasons = [
         f"Model: '{chosen}', chosen of {len(costs)} by held-out error: {facts(chosen)} ({over}). "
         f"It is the cheapest that no other beats by {100 * BETTER:g} % in half of the conditions "

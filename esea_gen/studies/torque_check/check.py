@@ -455,6 +455,11 @@ def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[s
         lines.append(
             f"Known load: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
         )
+        if r.torque_Nm < judged_from_Nm(device):
+            lines.append(
+                f"A sensor passes from {judged_from_Nm(device):.3g} Nm on; with this load it can "
+                "only fail."
+            )
     lines.append(
         f"Hold the motor still.  Each step: do it, wait {settle:g} s, record {record:g} s, both in "
         "one recording."

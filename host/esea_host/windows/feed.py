@@ -266,14 +266,12 @@ class LiveFeed:
             try:
                 self.ask()
             except Exception as error:
-                failed = str(error)
-                if receiver.error is not None:
-                    self.news.error = failed
-                    return
-            if receiver.away:
-                failed = ""  # lost_text tells
+                if not receiver.away or receiver.error is not None:  # else lost_text tells
+                    failed = str(error)
             if self.news.error == told:  # what has ended the rows stays
                 self.news.error = told = failed
+            if receiver.error is not None:
+                return
             self._closed.wait(ASK_S)
 
     def close(self) -> None:
