@@ -40,7 +40,7 @@ class DeviceQuestion:
 
 # Key, typical value, what it is, and why it is asked.
 _ROWS = """
-joint.Jh_kgm2 | 0.22 | Inertia of limb and load side about the joint | A forearm has 0.05 to 0.1; give three times a light hand's.
+joint.Jh_kgm2 | 0.22 | Inertia of limb and load side | Forearm: 0.05 to 0.1. A hand's: times 3.
 safety.rom_min_rad | -0.15 | Lower end of the range of motion | Nothing pushes below.
 safety.rom_max_rad | 2.5 | Upper end of the range of motion | Nothing pushes above.
 safety.tau_max_Nm | 8 | Torque on the person that trips the drive | Less than what may hurt.
