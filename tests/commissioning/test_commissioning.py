@@ -107,9 +107,9 @@ def test_results_count_for_their_own_board_only(bench_of, tmp_path):
     record.entries.append({k: v for k, v in record.entries[0].items() if k[:6] != "board_"})
     for unit, counts in (
         (record.unit, {"zero"}),
-        (record.unit._replace(start=record.unit.start + 1), set()),
+        (BoardUnit("", record.unit.start + 1), set()),
         (named, {"sign"}),
-        (named._replace(start=2), {"sign"}),
+        (BoardUnit(named.serial, 2), {"sign"}),
         (BoardUnit("encoders 5, 7", 1), set()),
     ):
         record.unit = unit
