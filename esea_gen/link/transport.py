@@ -59,7 +59,9 @@ class SocketTransport(Transport):
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise LinkError(f"the link broke ({error})", said=self.said()) from None
+            raise LinkError(
+                f"the link broke ({error.strerror or error})", said=self.said()
+            ) from None
         if not data:
             raise LinkError("the other end has closed the link", said=self.said())
         return data
