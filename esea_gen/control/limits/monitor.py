@@ -132,7 +132,12 @@ class _EncoderMonitor:
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
         rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
-        next_state = {"followed": good, "count_last": count, "step": now, "mean": mean}
+        next_state: dict[str, Any] = {
+            "followed": good,
+            "count_last": count,
+            "step": now,
+            "mean": mean,
+        }
         next_state |= {"roughness": roughness, "ones": ones[: len(moved)], "moved": moved}
         doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
