@@ -14,7 +14,7 @@ from esea_gen.control.impairment import has_wall, impairment
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
-from esea_gen.control.limits.monitor import encoder_monitor, monitor
+from esea_gen.control.limits.monitor import WISHES, encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
@@ -107,10 +107,11 @@ EXTRAS = {
     "monitor": _Extra(
         {"doubt": "monitor.doubt"} | {f"doubt_{x}": f"monitor_{x}.doubt" for x in SIDES},
         inputs={
-            f"{n}_{side}": (f"encoder_{side}.{n}", f"monitor_{side}.{n}")
+            f"{n}_{side}": (f"monitor_{side}.{n}",)
             for side in SIDES
             for n in ("count", "frame_error")
-        },
+        }
+        | {n: (f"monitor.{n}",) for n in WISHES},
     ),
     # It stands between set torque and law, and between command and limits.
     "passivity": _Extra(
@@ -128,7 +129,7 @@ EXTRAS = {
     # What is wanted, turned for the rubber at hand.
     "adaptation": _Extra(
         {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")},
-        inputs={"tau_desired_Nm": ("reference.tau_desired_Nm", "adaptation.tau_desired_Nm")},
+        inputs={"tau_desired_Nm": ("adaptation.tau_desired_Nm",)},
         outputs={f"adapted_{n}": f"adaptation.{n}" for n in ("gain", "loss", "offset_Nm")},
     ),
     # Wall and resistance are added to what is wanted.
@@ -259,7 +260,7 @@ def _wired(every: dict[str, Component], laws: Sequence[Law], parts: Sequence[Par
     extras = [extra for name, extra in EXTRAS.items() if name in every]
     inputs, wires, known = dict(INPUTS), dict(WIRES), dict(SIGNALS)
     for extra in extras:
-        inputs |= extra.inputs
+        inputs |= {n: (*inputs.get(n, ()), *sinks) for n, sinks in extra.inputs.items()}
         wires |= extra.wires
         known |= extra.signals
     if "monitor" in every:

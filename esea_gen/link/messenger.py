@@ -76,7 +76,7 @@ class Messenger:
         self._asked_s, self._every_s = float("-inf"), SOONEST_S
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
-        self.was_late = False
+        self.was_late, self.stays = False, True  # stays: beside who commands, for a stop
         self._refusal = ""  # what it said to the last command, if that did not count
         self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
 
@@ -300,6 +300,8 @@ class Messenger:
             self._pending.append(message)
             if message.get_type() == "STATUSTEXT":
                 self.texts.append(str(message.text))
+                if not self.stays:
+                    self._refuse_beside()
                 if self.texts[-1].startswith("refused: "):
                     self._refusal = self.texts[-1]
                     self.was_late = "too late" in self._refusal
@@ -311,12 +313,19 @@ class Messenger:
         return bool(data)
 
     def command(
-        self, command: int, param1: float = 0.0, param2: float = 0.0, *, drop_before: bool = False
+        self,
+        command: int,
+        param1: float = 0.0,
+        param2: float = 0.0,
+        *,
+        again: bool = False,
+        drop_before: bool = False,
     ) -> int:
         def fits(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and bool(message.command == command)
 
-        message = self.message("COMMAND_LONG", *self.board, command, 0, param1, param2, *[0.0] * 5)
+        params = (param1, param2, *[0.0] * 5)
+        message = self.message("COMMAND_LONG", *self.board, command, int(again), *params)
         for _ in self.attempts():
             self.send(message)
             ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
@@ -341,8 +350,10 @@ class Messenger:
         own.sign_outgoing = False
         self._board_time = None
 
-    def _ask(self, what: str, command: int, param1: float = 0.0, param2: float = 0.0) -> None:
-        result = self.command(command, param1, param2)
+    def _ask(
+        self, what: str, command: int, param1: float = 0.0, param2: float = 0.0, again: bool = False
+    ) -> None:
+        result = self.command(command, param1, param2, again=again)
         if result == self._denied:
             raise LinkError(f"the board does not {what}", LATE if self.was_late else UNSIGNED)
         if result != self.dialect.MAV_RESULT_ACCEPTED:

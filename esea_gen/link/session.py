@@ -58,9 +58,12 @@ class Session(Messenger):
         """Switch the motor off; where it holds torque, gently."""
         self._ask("disarm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
 
-    def stop(self) -> None:
-        """Stop; taken in every state, and held until :meth:`release`."""
-        self._ask("stop", self.dialect.MAV_CMD_USER_4)
+    def stop(self, *, again: bool = False) -> None:
+        """Stop; taken in every state, and held until :meth:`release`.
+
+        A second one switches off at once, but not ``again``: one that is under way goes on.
+        """
+        self._ask("stop", self.dialect.MAV_CMD_USER_4, again=again)
 
     def release(self) -> None:
         """Take a stop back; the motor stays off."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import select
 import socket
@@ -85,6 +87,16 @@ class TcpTransport(SocketTransport):
         super().__init__(link)
 
 
+def _taken(path: str | Path) -> LinkError:
+    """Another program is connected through this file; Linux tells which."""
+    at, locks = os.stat(path), Path("/proc/locks")
+    name = f" {os.major(at.st_dev):02x}:{os.minor(at.st_dev):02x}:{at.st_ino} "
+    lines = locks.read_text().splitlines() if locks.exists() else []
+    owners = [x.partition(name)[0].split()[-1] for x in lines if name in x]
+    who = f"process {owners[0]}" if owners else "another program"
+    return LinkError(f"{path} is in use: {who} is connected to the board", "End it first.")
+
+
 class SerialTransport(Transport):
     def __init__(self, port: str, baud: int = 115200) -> None:
         try:
@@ -95,6 +107,8 @@ class SerialTransport(Transport):
         try:
             self._port: Any = serial.Serial(port, baud, exclusive=True)
         except (OSError, ValueError) as error:  # pyserial's own is an OSError
+            if getattr(error, "errno", 0) == errno.EWOULDBLOCK:
+                raise _taken(port) from None
             what = f"{port} cannot be opened ({error})"
             raise LinkError(
                 what, "Check the name, your rights to it, and who else has it."
@@ -128,7 +142,11 @@ class PtyTransport(Transport):
         except OSError as error:
             raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
         try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as pyserial does
             tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
+        except BlockingIOError:
+            os.close(handle)
+            raise _taken(path) from None
         except termios.error as error:
             os.close(handle)
             raise LinkError(f"{path} is no terminal ({error.args[1]})") from None

@@ -54,10 +54,8 @@ static void enter(esea_app_t *app, ESEA_STATE from)
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY)
         motion->rearm_asked = true;
     if (app->state == ESEA_STATE_LETTING_GO || app->state == ESEA_STATE_STOPPING) {
-        const esea_link_outcome_t outcome = esea_link_outcome(app->out);
-
         motion->fade_left = esea_ticks(app->state == ESEA_STATE_STOPPING ? ESEA_STOP_OFF_MS : ESEA_FADE_MS);
-        memcpy(motion->fade_from_Nm, outcome.tau_set_Nm, sizeof motion->fade_from_Nm);
+        esea_link_fade_from(&motion->wanted, app->out, motion->fade_from_Nm);
     }
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&
         esea_blackbox_frozen(app->port->blackbox))

@@ -68,9 +68,11 @@ static void fade(esea_app_t *app)
     const bool stops = app->state == ESEA_STATE_STOPPING;
     const uint32_t rest = stops ? esea_ticks(ESEA_STOP_OFF_MS) - esea_ticks(ESEA_STOP_FADE_MS) : 0u;
     const uint32_t left = motion->fade_left > rest ? motion->fade_left - rest : 0u;
+    const float share = (float)left / (float)esea_ticks(stops ? ESEA_STOP_FADE_MS : ESEA_FADE_MS);
 
-    esea_link_fade(&motion->wanted, motion->fade_from_Nm,
-            (float)left / (float)esea_ticks(stops ? ESEA_STOP_FADE_MS : ESEA_FADE_MS));
+    esea_link_fade(&motion->wanted, motion->fade_from_Nm, share);
+    if (stops)
+        esea_link_oppose(&motion->wanted, app->out, 1.0f - share);
     if (ends(&motion->fade_left))
         (void)esea_app_event(app, ESEA_EVENT_FADED);
 }

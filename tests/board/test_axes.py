@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -116,6 +118,27 @@ def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, off, 
     assert (any(left), wrist.motor_on) == (ask == "disarm", True)
     wrist.ticks(1)
     assert (wrist.state_now, wrist.motor_on) == (after, False)
+
+
+def test_a_stop_takes_the_wall_away_in_its_time(wrist):
+    """The wrist stays in it; 80 counts of 14 bits and a wall of 11 Nm/rad that begins at 2 mrad."""
+    ready(wrist).set_parameter("impairment_flexion.wall_rad", 0.002)
+    wrist.ticks(20)
+    wrist.arm()
+    wrist.ticks(1)
+    for k in range(0, 81, 2):
+        wrist.want(mode=1.0, constrained=1.0)
+        wrist.ticks(1)
+        show(wrist, count_motor_flexion=900.0 + k, count_load_flexion=900.0 + k)
+    wrist.ticks(40)
+    wall_Nm = told(wrist, "tau_set_flexion_Nm")
+    assert wall_Nm == pytest.approx(-11 * (80 * 2 * math.pi / 2**14 - 0.002), rel=0.02)
+    wrist.stop()
+    wrist.ticks(TIMES_MS["STOP_FADE"][0] // 2)
+    assert told(wrist, "tau_set_flexion_Nm") == pytest.approx(wall_Nm / 2, rel=0.05)
+    wrist.ticks(TIMES_MS["STOP_FADE"][0] // 2 + 2)
+    assert told(wrist, "tau_set_flexion_Nm") == pytest.approx(0, abs=1e-3)
+    assert wrist.state_now == "STOPPING"
 
 
 @pytest.mark.parametrize("end", ["stop", "disarm", "fault", "power"])

@@ -339,6 +339,18 @@ def test_a_released_stop_restores_nothing(armed):
     assert armed.motor == (True, 0.0)
 
 
+@pytest.mark.parametrize("release", ["stop", "disarm"])
+def test_letting_go_makes_no_step_while_what_is_wanted_fades_in(armed, release):
+    """The torque starts where it was, 0, and the wish is blended in: both fade on."""
+    armed.tell("ESEA_SENSE_OUT", 1000)
+    armed.want(mode=1.0, tau_desired_Nm=2.0)
+    armed.ticks(3)
+    getattr(armed, release)()
+    armed.ticks(3)
+    told = [m.tau_set_Nm for m in armed.pending() if m.get_type() == "ESEA_SENSE_OUT"]
+    assert abs(np.diff(told[-7:])).max() < 0.05
+
+
 def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
     """A repeated frame is not a second stop; an open line and a fault are not waited for."""
     off, line = TIMES_MS["STOP_OFF"][0], armed.lib.sim_stop_line
@@ -349,6 +361,7 @@ def test_a_controlled_stop_ends_in_its_time_and_at_once_by_a_second_one(armed):
 
     ends = {
         "in its time": (lambda: stop_again(1), "STOPPING"),
+        "whoever tidies up": (lambda: armed.stop(again=True), "STOPPING"),
         "a second stop": (lambda: stop_again(0), "STOPPED"),
         "the line": (lambda: line(True), "STOPPED"),
         "a lost tick": (lambda: armed.lib.sim_tick(3, True), "FAULT"),

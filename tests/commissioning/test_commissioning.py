@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
+import re
 import sys
+import time
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
+from esea_gen.link.kept import name_encoders
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedPlant
 from esea_host.cli import main
 from esea_host.commissioning import (
     STEPS,
+    BoardUnit,
     CommissioningEndedError,
     CommissioningRecord,
     SimulatedHands,
     StepOptions,
     run_step,
     simulated_bench,
+    unit_of,
 )
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+UNIT = BoardUnit("", 1)
 BY_NAME = {s.name: s for s in STEPS}
 # Within 1 s the rubber is not at rest: two counts of the load side change while it is judged.
 OPTIONS = StepOptions(KnownLoad(1.0, 0.2), 2.0, 1.0, 2)
@@ -59,11 +67,11 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
     monkeypatch.setattr("esea_host.commissioning.steps.TURN_RAD_S", 1.0)
     monkeypatch.setattr("esea_host.commissioning.steps.FRICTION_RAD_S", (0.6, 1.4))
     bench = bench_of(zeroed=False)
-    record = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
+    record = CommissioningRecord(tmp_path / "unit-7", bench.board.name, unit_of(bench.device))
     for step in STEPS[:-1]:  # the last one takes longer: test_swinging.py
         result = run_step(bench, step, OPTIONS)
         assert result.passed, result.lines()
-        record.add(result, bench.device.identity)
+        record.add(result, bench.device)
         if step.name == "friction":
             a = bench.board.file.actuator
             # The ideal plant is the device file's drive, its cable rigid and without loss.
@@ -76,7 +84,7 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
             assert result.found["recorded_again"]
             assert means["plus_1"] == pytest.approx(1.0 * 9.81 * 0.2, abs=0.05)
     assert bench.device.state() == "READY"
-    again = CommissioningRecord(tmp_path / "unit-7", bench.board.name)
+    again = CommissioningRecord(tmp_path / "unit-7", bench.board.name, unit_of(bench.device))
     assert [e["step"] for e in again.entries] == [s.name for s in STEPS[:-1]]
     entry = again.last("sign", bench.board.digest)
     assert entry["simulated"]
@@ -85,9 +93,33 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
     assert again.last("sign", "another device file") is None
     titles = tuple((s.name, s.title) for s in STEPS[:-1])
     told = again.summary(titles, bench.board.digest)
-    assert all("passed (simulated)" in x for x in told[:-1])
-    assert "(simulated)" in told[-1]
+    assert all(re.search(r"passed \(simulated\), \d{4}-.* UTC$", x) for x in told)
     assert all("not done" in x for x in again.summary(titles, "another"))
+
+
+def test_results_count_for_their_own_board_only(bench_of, tmp_path):
+    bench = bench_of(zeroed=False)
+    device, digest = bench.device, bench.board.digest
+    record = CommissioningRecord(tmp_path, bench.board.name, unit_of(device))
+    record.add(quick("zero", bench), device)
+    named = BoardUnit("encoders 5, 6", 1)
+    record.entries.append(record.entries[0] | {"step": "sign", "board_serial": named.serial})
+    record.entries.append({k: v for k, v in record.entries[0].items() if k[:6] != "board_"})
+    for unit, counts in (
+        (record.unit, {"zero"}),
+        (record.unit._replace(start=record.unit.start + 1), set()),
+        (named, {"sign"}),
+        (named._replace(start=2), {"sign"}),
+        (BoardUnit("encoders 5, 7", 1), set()),
+    ):
+        record.unit = unit
+        assert {s for s in ("zero", "sign") if record.last(s, digest)} == counts
+        assert f"keeps {3 - len(counts)} results of another board" in record.notice()
+    moment = datetime.fromisoformat(record.entries[0]["utc"])
+    assert 0 <= time.time() - moment.timestamp() < 600
+    name_encoders(device.session, [5, 6])
+    assert unit_of(device).serial == "encoders 5, 6"
+    device.drive.board.restart(blank=True)
 
 
 @pytest.mark.ci
@@ -190,14 +222,14 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
 def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
     (tmp_path / "record.json").write_text("{")
     with pytest.raises(UserError, match="cannot be read as a record"):
-        CommissioningRecord(tmp_path, "elbow_drive")
+        CommissioningRecord(tmp_path, "elbow_drive", UNIT)
     content = {"kind": "esea-host commissioning", "version": 1, "device": "knee", "entries": []}
     (tmp_path / "record.json").write_text(json.dumps(content))
     with pytest.raises(UserError, match="record of a knee"):
-        CommissioningRecord(tmp_path, "elbow_drive")
+        CommissioningRecord(tmp_path, "elbow_drive", UNIT)
     (tmp_path / "record.json").write_text(json.dumps(content | {"version": 2}))
     with pytest.raises(UserError, match="no record of this version"):
-        CommissioningRecord(tmp_path, "knee")
+        CommissioningRecord(tmp_path, "knee", UNIT)
 
 
 @pytest.mark.parametrize(
@@ -233,6 +265,12 @@ def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
     assert "Motor sign: PASSED" in said
     assert "not done" in said
     assert (tmp_path / "r" / "002-sign.png").is_file()
+    monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero"])
+    with contextlib.suppress(SystemExit):
+        main()
+    said = capsys.readouterr().out
+    assert "keeps 2 results of another board or an earlier start" in said
+    simulated_elbow.board.lib.sim_unique(0)
 
 
 @pytest.mark.ci
@@ -242,7 +280,7 @@ def test_the_guided_screens(bench_of, qtbot, tmp_path):
     from esea_host.windows.commission import CommissioningWindow
 
     bench = bench_of(zeroed=False, motor_gain=-1.0)
-    record = CommissioningRecord(tmp_path / "r", bench.board.name)
+    record = CommissioningRecord(tmp_path / "r", bench.board.name, UNIT)
     window = CommissioningWindow(bench, STEPS, StepOptions(), record)
     qtbot.addWidget(window)
     window.resize(1180, 860)
@@ -278,7 +316,8 @@ def test_a_person_is_waited_for(bench_of, qtbot, tmp_path):
 
     bench = bench_of(zeroed=False)
     bench.hands_free = False  # as on a board: Return says that it is done
-    window = CommissioningWindow(bench, STEPS, StepOptions(), CommissioningRecord(tmp_path, "x"))
+    record = CommissioningRecord(tmp_path, "x", UNIT)
+    window = CommissioningWindow(bench, STEPS, StepOptions(), record)
     qtbot.addWidget(window)
     window.start()
     qtbot.waitUntil(window.ready_button.isEnabled, timeout=120_000)

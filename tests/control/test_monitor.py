@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -63,19 +64,35 @@ def test_a_step_of_an_encoder_s_monitor(drive):
     )
 
 
+def wished(u):
+    moved = 3 * u.theta_desired_rad + 0.35 * u.omega_desired_rad_s
+    return u.tau_desired_Nm + where(u.mode > 1.5, moved, 0)
+
+
 def test_a_step_of_the_monitor(drive):
-    """[mon 5]: a rate limit of 50 Nm/s, nine tenths of 0.221 Nm, 25 in a second."""
-    run = Steps(monitor(drive))
+    """[mon 5]: a rate limit of 50 Nm/s, nine tenths of 0.221 Nm, 25 in a second; a wish's step."""
+
+    def together(s, u, rng):
+        wish = wished(SimpleNamespace(**u))
+        near = rng.random(COUNT) < 0.7
+        s["wish_last_Nm"][near] = (wish + rng.uniform(-0.04, 0.04, COUNT))[near]
+
+    run = Steps(monitor(drive), together=together)
     s, u = run.s, run.u
+    wish = wished(u)
     followed = np.clip(np.clip(u.u_command_Nm, s.u_last_Nm - 0.05, s.u_last_Nm + 0.05), -U, U)
     at = np.sign(followed) * (abs(followed) > 0.9 * U)
-    swings = s.swings * math.exp(-1e-3) + where(at * s.limit_last < -0.5, 1 / 25, 0)
+    excused = where(abs(wish - s.wish_last_Nm) > 0.02235, 2, s.excused)
+    swung = at * s.limit_last < -0.5
+    swings = s.swings * math.exp(-1e-3) + where(swung & (excused < 0.5), 1 / 25, 0)
     worst = np.maximum(np.maximum(u.doubt_motor, u.doubt_load), swings > 1)
     run.compare(
         {
             "next_u_last_Nm": followed,
             "next_limit_last": where(at == 0, s.limit_last, at),
             "next_swings": swings,
+            "next_wish_last_Nm": wish,
+            "next_excused": np.maximum(excused - swung, 0),
             "y_doubt": worst,
             "y_status": word(~run.ok, ~run.whole, swings > 1),
         }
@@ -95,10 +112,11 @@ def doubted(device, angle_rad, *, noise_rad=0.0, seed=0, change=lambda c: c, sid
     return y["doubt"].astype(int)
 
 
-def swung(device, u_Nm):
-    zero = np.zeros(len(u_Nm))
-    inputs = {"doubt_motor": zero, "doubt_load": zero, "u_command_Nm": u_Nm}
-    y, _ = monitor(device).simulator().run(inputs)
+def swung(device, u_Nm, **wished):
+    block = monitor(device)
+    inputs = {p.name: np.zeros(len(u_Nm)) for p in block.inputs}
+    inputs |= {"u_command_Nm": u_Nm, **wished}
+    y, _ = block.simulator().run(inputs)
     return y["doubt"].astype(int)
 
 
@@ -135,6 +153,19 @@ def test_a_push_at_the_limit_and_a_movement_to_and_fro_are_no_swings(drive):
     t = 1e-3 * np.arange(3000)
     for u in (np.full(3000, 0.221), -0.221 * np.sign(np.sin(2 * np.pi * 6 * t))):
         assert not swung(drive, u).any()
+
+
+@pytest.mark.parametrize("wish", ["tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s"])
+def test_swings_that_steps_of_the_wish_make_are_none_of_the_sensing(drive, wish):
+    """Steps at 50 Hz, each answered there and back; with a wish at rest the command is found."""
+    t = np.arange(3000)
+    u = 0.221 * where(t % 20 < 10, 1.0, -1.0)
+    steps = {"mode": np.full(3000, 2.0), wish: 0.1 * (t // 20 % 2)}
+    assert not swung(drive, u, **steps).any()
+    # In torque mode it is the torque that counts.
+    steps["mode"] -= 1
+    assert (swung(drive, u, **steps) == SWINGS).any() == (wish != "tau_desired_Nm")
+    assert (swung(drive, u, **{wish: np.full(3000, 0.1)}) == SWINGS).any()
 
 
 # -- what is not -----------------------------------------------------------------------------------

@@ -163,8 +163,8 @@ def test_over_a_terminal_and_a_serial_port(elbow, terminal, address):
 
 def test_a_silent_line_gives_nothing_in_time_and_no_error():
     with opened() as (ours, name):
-        for transport in (PtyTransport(name), SerialTransport(name)):
-            start_s = time.monotonic()
+        for kind in (PtyTransport, SerialTransport):
+            transport, start_s = kind(name), time.monotonic()
             assert transport.read(0.1) == b""
             assert 0.05 < time.monotonic() - start_s < 2
             transport.write(b"abc", 1)

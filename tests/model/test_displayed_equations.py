@@ -81,8 +81,9 @@ SPACE = {
     **{"pi": math.pi, "Rise": Rise, "ca": ca, "LATE": LATE, "EXTRA": EXTRA},
     "B": signal.butter(4, 1, analog=True),
 }
-# No single step has their value: a breakpoint, a table, a transfer function, sums over terms.
-ELSEWHERE = {"[breakpoint]", "[table]", "[DOB 3]", "[smooth]", "[family]"}
+# No single step has their value: a breakpoint, a table, a transfer function, sums over terms, a
+# comparison.
+ELSEWHERE = {"[breakpoint]", "[table]", "[DOB 3]", "[smooth]", "[family]", "[mon 3]", "[mon 4]"}
 
 
 def pairs(text: str) -> list[tuple[str, str]]:
@@ -214,7 +215,7 @@ def test_no_equation_is_left_out():
         numbers = {row.split(" | ")[0].strip() for row in rows}
         seen |= {e.mathml for e in made(which).equations if e.number in numbers}
     systems = [load_device(n).system for n in ("elbow", "knee_board", "wrist_drive")]
-    systems += [drive(law).system for law in ("sliding_mode", "predictive")]
+    systems += [drive(law).system for law in ("sliding_mode", "predictive", "cascade")]
     systems += [family_device(load_device("elbow"), FITTED, "drawn").system]
     missing = {
         (b.name, e.number)

@@ -13,6 +13,7 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.session import Assessment
 from esea_host.commissioning import (
     STEPS,
+    BoardUnit,
     CommissioningRecord,
     StepOptions,
     simulated_bench,
@@ -20,7 +21,7 @@ from esea_host.commissioning import (
 from esea_host.simulated import LockstepDevice
 from esea_host.study.conductor import Conductor
 from esea_host.study.source import SimulatedSource
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import LiveFeed, StopSender
 from esea_host.windows.meanings import refusals
 from tests.assess.test_assess import made_up
 from tests.conducted import TRACKING, of_tasks, study_of
@@ -68,7 +69,8 @@ def commissioning(feed, live, tmp_path):
     from esea_host.windows.commission import CommissioningWindow
 
     bench = simulated_bench(feed.device.drive)
-    return CommissioningWindow(bench, STEPS, StepOptions(), CommissioningRecord(tmp_path, "x"))
+    record = CommissioningRecord(tmp_path, "x", BoardUnit("", 1))
+    return CommissioningWindow(bench, STEPS, StepOptions(), record)
 
 
 def operator(feed, live, tmp_path):
@@ -91,6 +93,14 @@ def wrist(feed, live, tmp_path):
     made = FilmedWrist("wrist_board", tmp_path / "w.toml")
     made.draw()
     return made.window
+
+
+def test_a_stop_is_sent_though_its_window_closes_at_once(simulated_elbow):
+    for _ in range(20):
+        stopper = StopSender(LockstepDevice(simulated_elbow))
+        stopper.stop()
+        stopper.close()
+        assert stopper.sent == 1
 
 
 @pytest.mark.parametrize("made", [live_with_all_docks, commissioning, operator, wrist])

@@ -99,9 +99,9 @@ def run_for(device: LockstepDevice, feed: LiveFeed, seconds: float) -> None:
     device.advance(0.4)
     device.arm()
     device.advance(0.01)
-    for i in range(round(seconds / 0.02)):
-        device.want(mode=1.0, tau_desired_Nm=1.5 * np.sin(i * 0.08))
-        device.advance(0.02)
+    for i in range(round(seconds / 0.004)):  # sliding mode swings at steps of 20 ms
+        device.want(mode=1.0, tau_desired_Nm=1.5 * np.sin(i * 0.016))
+        device.advance(0.004)
         feed.gather()
     feed.ask()
 

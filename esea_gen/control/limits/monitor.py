@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.limits.safety import command_range, safety_sections
+from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
@@ -21,12 +22,17 @@ from esea_gen.language.stream import OwnStreams, Stream
 from esea_gen.model.encoder import FRAME_ERROR_MAX, HELD_MAX, Side, step_max_counts
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
+from esea_gen.observe import drive_of
 
 SOUND, SWINGS, ROUGH, STUCK = range(4)
 LOUDER = 2.0  # times the noise of a sound encoder: rougher is no encoder's noise
 MOST = 4.0  # largest second difference that counts: one wild frame and the next make no roughness
 SWING_S = 1.0  # decay of the count of swings
 FULL = 0.9  # of the motor's largest torque: as good as at its limit
+# With sound sensing, a step of what is wished makes a law swing there and back.
+WISHES = ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
+WISH_STEP = 0.005  # of the full torque in a tick; a sine of that torque has it from 0.8 Hz at 1 kHz
+EXCUSED = 2.0  # swings of a step
 MEAN_TICKS = 16  # of the mean step, which tells slow from fast
 # Counts without a change of a low bit: of a sound one that is slow enough no more than one block of
 # 2^k, but noise may leap a small block again and again.
@@ -41,7 +47,8 @@ EQUATIONS = """
     [mon 4] | Abs(d_i) | Max(2 * 2**i + 2, 16, 32 * sigma) | at which the bit is stuck
 """
 SWINGING = """
-    [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second
+    [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second; \
+        the two after a step of what is wished do not count
 """
 
 
@@ -125,7 +132,12 @@ class _EncoderMonitor:
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
         rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
-        next_state = {"followed": good, "count_last": count, "step": now, "mean": mean}
+        next_state: dict[str, Any] = {
+            "followed": good,
+            "count_last": count,
+            "step": now,
+            "mean": mean,
+        }
         next_state |= {"roughness": roughness, "ones": ones[: len(moved)], "moved": moved}
         doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
@@ -148,16 +160,26 @@ class _Monitor:
         self.equations = equations(SWINGING)
         self.streams = OwnStreams(_commands)
         self.constants = tuple(device.constants("monitor")[2:])
+        drive, (self.kp, self.kd) = drive_of(device), largest_gains(device)
+        self.wish_step = threshold(WISH_STEP * device.tau_full_scale_Nm)
+        low, high, omega = drive.theta_low_rad, drive.theta_high_rad, drive.omega_rad_s
+        wish = 1.01 * (drive.tau_Nm + self.kp * max(-low, high) + self.kd * omega)
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
             Port("limit_last", -1.0, 1.0, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
+            around("wish_last_Nm", threshold(wish), "what was wished, by the largest gains"),
+            Port("excused", 0.0, EXCUSED, "swings that its last step may still make"),
         )
         self.inputs = (
             Port("doubt_motor", SOUND, STUCK, "of the motor-side encoder"),
             Port("doubt_load", SOUND, STUCK, "of the load-side encoder"),
             around("u_command_Nm", command_range(device), "command before the limits"),
+            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
+            around("tau_desired_Nm", drive.tau_Nm, "wanted interaction torque"),
+            Port("theta_desired_rad", low, high, "wanted angle of the joint"),
+            around("omega_desired_rad_s", omega, "wanted rate of the joint"),
         )
         self.outputs = (
             Port("doubt", SOUND, STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
@@ -175,10 +197,18 @@ class _Monitor:
         at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
         at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
-        swings = s.swings * self.decay + ca.if_else(swung, self.swing, 0.0)
+        moved = self.kp * u.theta_desired_rad + self.kd * u.omega_desired_rad_s
+        wish = u.tau_desired_Nm + ca.if_else(u.mode > 1.5, moved, 0.0)
+        wish = label("wish_Nm", wish, "what is wished, by the largest gains")
+        stepped = label("stepped", ca.fabs(wish - s.wish_last_Nm) > self.wish_step)
+        excused = label("excuses", ca.if_else(stepped, EXCUSED, s.excused))
+        counts = ca.logic_and(swung, excused < 0.5)
+        swings = s.swings * self.decay + ca.if_else(counts, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
         last = ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last)
         next_state = {"u_last_Nm": followed, "limit_last": last, "swings": swings}
+        next_state["wish_last_Nm"] = wish
+        next_state["excused"] = ca.fmax(excused - ca.if_else(swung, 1.0, 0.0), 0.0)
         doubt = ca.fmax(ca.fmax(u.doubt_motor, u.doubt_load), often)
         return next_state, {"doubt": doubt, "status": guard.status(often)}
 
@@ -201,6 +231,11 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
 def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
     # From limit to limit, slower and faster, and each doubt of either side.
     t = np.arange(2400.0)
-    u = block.inputs[-1].high * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
+    high = {p.name: p.high for p in block.inputs}
+    u = high["u_command_Nm"] * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
     motor, load = (np.where(part, t // 100 % 4, 0) for part in (t > 1600, t < 800))
-    return [Stream("to and fro", {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u})]
+    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u, "mode": 1 + t // 1200 % 2}
+    # Wishes that stand still, then each in steps, with the swings of the command.
+    for i, name in enumerate(WISHES):
+        x[name] = 0.5 * high[name] * np.where(t // 300 % 4 == i, t // 37 % 2, 1)
+    return [Stream("to and fro", x)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +30,7 @@ from esea_host.commissioning import (
     run_step,
     simulated_bench,
     steps_of,
+    unit_of,
 )
 from esea_host.connection import open_device
 from esea_host.connection.address import parse_address
@@ -84,12 +86,15 @@ def commission(
     hangs_rad = None if hangs is None else math.radians(hangs)
     options = StepOptions(known, settle, judge, repeats, second, hangs_rad, arm_weight)
     _check(step or [], options)
+    if not terminal:
+        need_a_screen("--terminal")
     with _bench(address, device, key, axis) as bench:
         chosen = _chosen(step or [], bench)
         machine = f"{bench.board.name}-{bench.axis}".rstrip("-")
-        record = CommissioningRecord(folder or Path("commissioning") / machine, machine)
+        unit = unit_of(bench.device)
+        record = CommissioningRecord(folder or Path("commissioning") / machine, machine, unit)
+        out.print(record.notice())
         if not terminal:
-            need_a_screen("--terminal")
             from esea_host.windows.commission import run_commissioning
 
             run_commissioning(bench, chosen, options, record)
@@ -148,6 +153,9 @@ def _bench(
         plant = given.get("plant", "ideal" if drives else None)
         drive = SimulatedBoard(name, plant, "nobody" if drives else None, seed)
         try:
+            # Another start than of any earlier one, whose results do not count for it.
+            drive.board.lib.sim_unique(1 + secrets.randbelow((1 << 32) - 1))
+            drive.restart()
             yield simulated_bench(drive, out.print, axis)
         finally:
             drive.close()
@@ -181,11 +189,11 @@ def _in_terminal(
         try:
             result = run_step(bench, step, options)
         except (CommissioningEndedError, KeyboardInterrupt):
-            bench.device.stop()
+            bench.device.stop(again=True)
             out.print(f"{step.title}: ended; the board is told to stop")
             return False
         say(result.lines())
-        record.add(result, bench.device.identity)
+        record.add(result, bench.device)
         passed = passed and result.passed
         if not result.passed:
             out.print("What comes next rests on this: put it right first.")

@@ -35,7 +35,6 @@ from esea_host.connection.address import parse_address
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
 
-WITHOUT_SCREEN = ("offscreen", "minimal")  # platforms of Qt
 OPEN_S, FILMED_S = 60.0, 5.0
 
 
@@ -205,8 +204,9 @@ def need_a_screen(otherwise: str) -> None:
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
         raise UserError("There is no screen here.", f"Use {otherwise}.")
-    if os.environ.get("QT_QPA_PLATFORM") in WITHOUT_SCREEN:
-        return
+    loaded = sys.modules.get("PySide6.QtWidgets")
+    if loaded is not None and loaded.QApplication.instance() is not None:
+        return  # a window is open already
     # Qt ends the whole program where it cannot open a window: let it end another one.
     code = "from PySide6.QtWidgets import QApplication; QApplication([])"
     try:
@@ -222,4 +222,5 @@ def need_a_screen(otherwise: str) -> None:
         said, opened = f"no answer within {OPEN_S:g} s", False
     if not opened:
         line = next((x for x in said.splitlines() if "ould not" in x or "rror" in x), said[-200:])
-        raise UserError(f"No window can be opened here: {line.strip()}", f"Use {otherwise}.")
+        reason = line.strip().removeprefix("qt.qpa.xcb: ").rstrip(".")
+        raise UserError(f"No window can be opened here: {reason}.", f"Use {otherwise}.")

@@ -5,7 +5,7 @@ torque mode.  The torque is judged by :mod:`esea_gen.studies.torque_check`.
 """
 
 from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct
-from esea_host.commissioning.record import CommissioningRecord, StepResult
+from esea_host.commissioning.record import BoardUnit, CommissioningRecord, StepResult, unit_of
 from esea_host.commissioning.simulated import SimulatedHands, simulated_bench
 from esea_host.commissioning.steps import (
     STEPS,
@@ -18,6 +18,7 @@ from esea_host.commissioning.steps import (
 
 __all__ = [
     "STEPS",
+    "BoardUnit",
     "CommissioningBench",
     "CommissioningEndedError",
     "CommissioningRecord",
@@ -30,4 +31,5 @@ __all__ = [
     "run_step",
     "simulated_bench",
     "steps_of",
+    "unit_of",
 ]

@@ -228,7 +228,7 @@ class CommissioningBench:
             found = self.capture(seconds, turn, turn_s)
         except BaseException:
             with contextlib.suppress(LinkError):
-                device.stop()
+                device.stop(again=True)  # a person may have stopped it
             raise
         with contextlib.suppress(LinkError):  # it may have switched itself off
             device.disarm()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -16,14 +19,46 @@ from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
+from esea_gen.link.kept import kept_use
+from esea_gen.link.transport import LinkError
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
 from esea_host.commissioning.startup import StartupCheck
-from esea_host.connection.identity import Identity
+from esea_host.connection import ConnectedDevice
 from esea_host.recording.layout import Array
 
 KIND, VERSION, NAME = "esea-host commissioning", 1, "record.json"
 Line = tuple[str, Array]  # label, values
 COLOURS = (MODEL, MEASURED, BOUND)
+OF_START = ("zero",)  # steps whose result a board loses when it is switched off
+
+
+class BoardUnit(NamedTuple):
+    serial: str  # every serial number that is known of it; empty: none
+    start: int  # number of its start, another one after every loss of power
+
+    def __str__(self) -> str:
+        return self.serial or f"no serial number, start {self.start}"
+
+
+def unit_of(device: ConnectedDevice) -> BoardUnit:
+    """Ask a board which one it is: by its USB port and by its named encoders."""
+    found, address = [], device.address
+    if address is not None and address.kind == "serial":
+        from serial.tools.list_ports import comports
+
+        port = os.path.realpath(address.place.partition(":")[0])
+        ports = [p for p in comports() if p.device == port and p.serial_number]
+        found = [f"USB {p.serial_number}" for p in ports]
+    with suppress(LinkError):
+        named = [str(serial) for serial, _ in kept_use(device.session).encoders if serial]
+        found += [f"encoders {', '.join(named)}"] if named else []
+    return BoardUnit(", ".join(found), device.boot_number())
+
+
+def done_at(entry: Mapping[str, Any]) -> str:
+    """When an entry was written."""
+    moment = datetime.fromtimestamp(entry["host_ns"] * 1e-9, UTC)
+    return f"{moment:%Y-%m-%d %H:%M} UTC"
 
 
 def new_picture(title: str, simulated: bool, rows: int = 1) -> tuple[Figure, list[Axes]]:
@@ -118,10 +153,13 @@ class StepResult:
 
 
 class CommissioningRecord:
-    """A folder with ``record.json`` and pictures; entries are added, never changed."""
+    """A folder with ``record.json`` and pictures; entries are added, never changed.
 
-    def __init__(self, folder: Path, device: str) -> None:
-        self.folder, self.device = Path(folder), device
+    Only those of the board that is connected count.
+    """
+
+    def __init__(self, folder: Path, device: str, unit: BoardUnit) -> None:
+        self.folder, self.device, self.unit = Path(folder), device, unit
         self.entries: list[dict[str, Any]] = []
         path = self.folder / NAME
         if not path.exists():
@@ -129,7 +167,7 @@ class CommissioningRecord:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             kind, of = (content["kind"], content["version"]), str(content["device"])
-            self.entries = [dict(e) for e in content["entries"]]
+            self.entries = [dict(e) for e in content["entries"] if e["step"] and e["host_ns"]]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise UserError(
                 f"{path} cannot be read as a record ({error}).", "Name another folder: --record."
@@ -142,17 +180,21 @@ class CommissioningRecord:
                 "Give each machine a folder of its own: --record.",
             )
 
-    def add(self, result: StepResult, identity: Identity) -> dict[str, Any]:
+    def add(self, result: StepResult, device: ConnectedDevice) -> dict[str, Any]:
         """Write a result down, its picture first."""
         number = len(self.entries) + 1
         drawn = BytesIO()
         result.picture.savefig(drawn, format="png", dpi=110)
         picture = f"{number:03d}-{result.step}.png"
         write_whole(self.folder / picture, drawn.getvalue())
-        facts = identity.facts()
+        identity, self.unit = device.identity, unit_of(device)
+        facts, now_ns = identity.facts(), time.time_ns()
         entry = {
             "number": number,
-            "host_ns": time.time_ns(),
+            "host_ns": now_ns,
+            "utc": datetime.fromtimestamp(now_ns // 10**9, UTC).isoformat(),
+            "board_serial": self.unit.serial,
+            "board_start": self.unit.start,
             **result.to_dict(),
             "picture": picture,
             "device_digest": identity.device.digest,
@@ -164,15 +206,33 @@ class CommissioningRecord:
         return entry
 
     def last(self, step: str, digest: str) -> dict[str, Any] | None:
-        """The newest entry of a step for the device file as it is now."""
-        fits = (e for e in reversed(self.entries) if e["step"] == step)
+        """The newest entry of a step for this board and the device file as it is now."""
+        fits = (e for e in reversed(self.entries) if e["step"] == step and self._counts(e))
         return next((e for e in fits if e["device_digest"] == digest), None)
+
+    def _counts(self, entry: Mapping[str, Any]) -> bool:
+        unit = BoardUnit(entry.get("board_serial", ""), entry.get("board_start", -1))
+        by_start = not unit.serial or entry["step"] in OF_START
+        return unit.serial == self.unit.serial and (not by_start or unit.start == self.unit.start)
+
+    def notice(self) -> str:
+        """Which board this is, and which earlier results do not count for it."""
+        text = f"Board: {self.unit}."
+        if not self.unit.serial:
+            text += " Results count until it is switched off; to name its encoders: esea-host kept."
+        if others := [e for e in self.entries if not self._counts(e)]:
+            text += (
+                f" {self.folder / NAME} keeps {len(others)} results of another board or an earlier "
+                f"start, the last of {done_at(others[-1])}; they do not count for this one."
+            )
+        return text
 
     def summary(self, steps: tuple[tuple[str, str], ...], digest: str) -> list[str]:
         lines = []
         for name, title in steps:
             entry = self.last(name, digest)
             word = "not done" if entry is None else "passed" if entry["passed"] else "FAILED"
-            kind = " (simulated)" if entry is not None and entry["simulated"] else ""
-            lines.append(f"  {name:12}{title:34}{word}{kind}")
+            if entry is not None:
+                word += f"{' (simulated)' if entry['simulated'] else ''}, {done_at(entry)}"
+            lines.append(f"  {name:12}{title:34}{word}")
         return lines

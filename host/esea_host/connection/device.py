@@ -6,6 +6,7 @@ import difflib
 import threading
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -92,6 +93,8 @@ class ConnectedDevice:
         self.session = Session(self.receiver, dialect)
         self.texts = self.session.texts
         self._lock = threading.RLock()
+        self.most_away_s = MOST_AWAY_S
+        self._start = identity.start
         self._told: dict[str, float] = {}
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
@@ -117,6 +120,11 @@ class ConnectedDevice:
             recording.close()
         self.receiver.close()
 
+    @contextmanager
+    def _ask(self) -> Iterator[None]:
+        with self._lock, self.receiver.asking():
+            yield
+
     # -- staying connected -----------------------------------------------------------------------
 
     def _heartbeat(self) -> bytes:
@@ -130,12 +138,13 @@ class ConnectedDevice:
 
     def _open_again(self) -> Transport:
         # A link that breaks again while the board is asked who it is counts as not yet there.
-        deadline_s = time.monotonic() + MOST_AWAY_S
+        deadline_s = time.monotonic() + self.most_away_s
         while True:
             left_s = max(0.0, deadline_s - time.monotonic())
             try:
                 return self._same_board(left_s)
-            except LinkError:
+            except LinkError as error:
+                self.receiver.away_why = error.what
                 if self._closing or time.monotonic() + WAIT_S >= deadline_s:
                     raise
             time.sleep(0.2)
@@ -148,6 +157,8 @@ class ConnectedDevice:
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Behind the link is another board now.", "Connect anew.")
             self.session.take_time_of(Session(transport, self._dialect, WAIT_S))
+            self.receiver.restarted = found.start != self._start
+            self._start = found.start
         except BaseException:
             transport.close()
             raise
@@ -184,7 +195,7 @@ class ConnectedDevice:
 
     def fault(self) -> int:
         """Number of the latched fault, as the dialect's ESEA_FAULT; 0: none."""
-        with self._lock:
+        with self._ask():
             return int(self.session.info().fault)
 
     @property
@@ -204,19 +215,19 @@ class ConnectedDevice:
 
     def state(self) -> str:
         """The board's state as its last HEARTBEAT told, such as ``READY``; first ``UNKNOWN``."""
-        with self._lock:
+        with self._ask():
             self.session.pending()
             return self.session.state() if self.session.heartbeat is not None else "UNKNOWN"
 
     def clock(self) -> dict[str, int]:
         """The board's own counters: ticks, what it lost, dropped and refused."""
-        with self._lock:
+        with self._ask():
             told = self.session.clock()
         return {name: int(getattr(told, name)) for name in told.get_fieldnames()}
 
     def boot_number(self) -> int:
         """Number of the board's start: another one after a loss of power."""
-        with self._lock:
+        with self._ask():
             return self.session.boot_number()
 
     def _stream_of(self, name: str) -> str:
@@ -254,7 +265,7 @@ class ConnectedDevice:
             interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
             if stream == KEY:
                 interval_us = KEY_US
-            with self._lock:
+            with self._ask():
                 self.session.tell(message, interval_us)
             self._told[message] = interval_us
         return chosen
@@ -274,7 +285,7 @@ class ConnectedDevice:
             Of the stream; of several, their beginning.
         """
         try:
-            with self._lock:
+            with self._ask():
                 boards = list(self.session.stream(signals, rate_Hz))
         except ValueError as error:
             fix = "Name signals of one task, such as sense.tau_Nm."
@@ -361,34 +372,40 @@ class ConnectedDevice:
         self.listen([stream])
         return stream, everything if stream in names else names
 
-    def stop(self) -> None:
-        """Stop the motor; taken in every state, held until :meth:`release`."""
-        with self._lock:
-            self.session.stop()
+    def stop(self, *, again: bool = False) -> None:
+        """Stop the motor; taken in every state, held until :meth:`release`.
+
+        Parameters
+        ----------
+        again : bool
+            Not a second stop, which switches off at once: one that is under way goes on.
+        """
+        with self._ask():
+            self.session.stop(again=again)
 
     def release(self) -> None:
         """Take a stop back; the motor stays off."""
-        with self._lock:
+        with self._ask():
             self.session.release()
 
     def zero(self) -> None:
         """Take the present angles as zero: unloaded, at the joint's zero, standing still."""
-        with self._lock:
+        with self._ask():
             self.session.zero()
 
     def arm(self) -> None:
         """Switch the motor on."""
-        with self._lock:
+        with self._ask():
             self.session.arm()
 
     def disarm(self) -> None:
         """Switch the motor off, gently where it holds torque."""
-        with self._lock:
+        with self._ask():
             self.session.disarm()
 
     def clear(self) -> None:
         """Say that a fault has been seen to."""
-        with self._lock:
+        with self._ask():
             self.session.clear()
 
     def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
@@ -401,12 +418,12 @@ class ConnectedDevice:
         **wanted : float
             ``mode``, ``tau_desired_Nm`` ...; what is left out is 0.
         """
-        with self._lock:
+        with self._ask():
             self.session.want(deadline_ms, **wanted)
 
     def parameters(self) -> dict[str, float]:
         """The values in force, by full name such as ``smc.lambda_1_s``, in the unit of the name."""
-        with self._lock:
+        with self._ask():
             return self.session.parameters()
 
     def parameter_name(self, name: str) -> str:
@@ -445,7 +462,7 @@ class ConnectedDevice:
             When the board refuses: outside its bounds, or not in this state.
         """
         full = self.parameter_name(name)
-        with self._lock:
+        with self._ask():
             taken = self.session.set_parameter(full, value)
         for recording in self._recordings:
             recording.event("parameter", name=full, asked=value, value=taken)

@@ -41,6 +41,7 @@ class Identity:
     board: str  # its name; simulated boards say so
     tick_us: int
     key: Path | None = None  # file of the key that it takes commands by, where it is paired
+    start: int = 0  # number of its start, when it was asked
 
     @property
     def simulated(self) -> bool:
@@ -105,9 +106,10 @@ def identify(
     given = expected if isinstance(expected, Device) else None
     device = given or loaded_device(str(expected or ANYBODY))
     session = Session(transport, load_dialect(device), PROBE_S)
+    session.stays = False
     try:
         key = _key_taken(session, key)
-        info = session.info()
+        info, start = session.info(), session.boot_number()
     except (PairedError, CommandedError):
         raise
     except LinkError as error:
@@ -131,7 +133,7 @@ def identify(
             )
         device = loaded_device(name)
     board = _text(info.board), int(info.tick_us)
-    return replace(check_hash(device, _text(info.content_hash), *board), key=key)
+    return replace(check_hash(device, _text(info.content_hash), *board), key=key, start=start)
 
 
 class PairedError(LinkError):

@@ -10,7 +10,8 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,7 +134,10 @@ class Receiver(Transport):
         self.keep_alive: Callable[[], bytes] | None = None
         self.keep_alive_s = 0.25
         self.error: Exception | None = None
-        self.away = False
+        # Since when the link is broken, and why it still is; whether the board has started since.
+        self.away, self.away_since_ns, self.away_why, self.restarted = False, 0, "", False
+        self.breaks = 0
+        self.asked_by: tuple[int, int] | None = None
         self.gap_count = 0
         self._subscriptions: list[Subscription] = []
         self._others = bytearray()
@@ -182,10 +186,40 @@ class Receiver(Transport):
         self.transport.close()
         self._fail(LinkError("the connection was closed"))
 
+    def away_text(self) -> str:
+        """Since when the link is broken, and why."""
+        seconds = (self.now_ns() - self.away_since_ns) * 1e-9
+        since = time.strftime("%H:%M:%S", time.localtime(time.time() - seconds))
+        return f"No link since {since} ({seconds:.0f} s): {self.away_why}"
+
+    @contextmanager
+    def asking(self) -> Iterator[None]:
+        """What this thread asks the board ends with an error if the link breaks meanwhile.
+
+        No command that was meant for the time before is sent after a reconnection.
+        """
+        before = self.asked_by
+        self.asked_by = before or (threading.get_ident(), self.breaks)
+        try:
+            yield
+        finally:
+            self.asked_by = before
+
+    def _cut(self) -> bool:
+        asking, me = self.asked_by, threading.get_ident()
+        return asking is not None and asking[0] == me and asking[1] != self.breaks
+
     def write(self, data: bytes, timeout_s: float) -> None:
         """Send bytes; whole frames do not mix."""
         with self._writing:
-            self.transport.write(data, timeout_s)
+            try:
+                if not (self.away or self._cut()):
+                    self.transport.write(data, timeout_s)
+                    return
+            except LinkError:
+                if not self.away:
+                    raise
+        raise LinkError(self.away_text(), "Ask again when the link is back.")
 
     def said(self) -> str:
         return self.transport.said()
@@ -200,7 +234,11 @@ class Receiver(Transport):
                     break
         with self._changed:
             if not self._others and timeout_s > 0 and self._thread is not None:
-                self._changed.wait_for(lambda: self._others or self.error, timeout_s)
+                self._changed.wait_for(lambda: self._others or self.error or self._cut(), timeout_s)
+            if self._cut() and self.error is None:
+                raise LinkError(
+                    self.away_text(), "No answer came. See in which state the board is."
+                )
             if not self._others and self.error is not None:
                 raise self.error
             data = bytes(self._others)
@@ -268,7 +306,11 @@ class Receiver(Transport):
                 return
 
     def _open_again(self, error: LinkError) -> bool:
+        self.away_since_ns, self.away_why = self.now_ns(), error.what
+        self.breaks += 1
         self.away = True
+        with self._changed:
+            self._changed.notify_all()
         if self._reopen is None:
             self._fail(error)
             return False
@@ -283,7 +325,7 @@ class Receiver(Transport):
         self.decoder.forget()
         with self._changed:
             self._others.clear()  # the board's state of before
-        self._clock.broken()
+        self._clock.broken(self.now_ns() - self.away_since_ns, self.restarted)
         if self.on_reconnect is not None:
             self.on_reconnect()
         return True
@@ -316,9 +358,14 @@ class _StreamClocks:
         self._moved, self._last_tick = [0], [-1]
         self._epochs: dict[str, int] = {}
         self._broken: set[str] = set()
+        self._restarted: set[str] = set()
+        self._away_ticks = 0
 
-    def broken(self) -> None:
+    def broken(self, away_ns: int, restarted: bool) -> None:
+        """restarted: the board's clock has started again, even if it is ahead of the last tick."""
         self._broken = set(self._last)
+        self._restarted = set(self._last) if restarted else set()
+        self._away_ticks = away_ns // self.tick_ns
 
     def batch(self, found: Decoded, arrived_ns: int, health: LinkHealth) -> Batch | None:
         name = found.layout.name
@@ -331,9 +378,9 @@ class _StreamClocks:
         every = self._every.get(name) or _period(steps if last is not None else steps[1:])
         if every:
             self._every[name] = every
-        if last is not None and every and not found.late_rows and (steps == every).all():
+        going_on = last is not None and every and name not in self._broken
+        if going_on and not found.late_rows and (steps == every).all():
             self._last[name], self._lost[name] = int(ticks[-1]), found.changes[-1][1:]
-            self._broken.discard(name)
             return Batch(found.layout, found.rows, self._board_ns(name, ticks), arrived_ns)
         return self._one_by_one(found, arrived_ns, health)
 
@@ -349,7 +396,8 @@ class _StreamClocks:
         firsts = found.rows["first"].tolist()
         for tick, first in zip(found.rows[TICK].tolist(), firsts, strict=True):
             # A tick has one frame: another one is of a clock that started again.
-            if tick < self._last.get(KEY, tick) or (first == 0 and tick == self._last.get(KEY)):
+            again = tick < self._last.get(KEY, tick) or KEY in self._restarted
+            if again or (first == 0 and tick == self._last.get(KEY)):
                 self._start_again(KEY)
             self._last[KEY] = tick
             times.append(int(self._board_ns(KEY, np.array([tick]))[0]))
@@ -363,10 +411,14 @@ class _StreamClocks:
         late, (losts, bads) = set(found.late_rows), (c.tolist() for c in found.counted())
         for i, tick in enumerate(found.rows[TICK].tolist()):
             last = self._last.get(name)
-            if last is not None and tick <= last:
-                if i in late or tick == last:
+            again = name in self._restarted
+            if last is not None and (tick <= last or again):
+                if not again and (i in late or tick == last):
                     health.repeated_frames += 1
                     continue
+                if name in self._broken:
+                    ns = (last + self._moved[self._epochs[name]]) * self.tick_ns
+                    gaps.append(Gap(name, last, tick, -1, "disconnected", ns))
                 self._start_again(name)
                 last = None
             lost, bad = losts[i], bads[i]
@@ -375,7 +427,9 @@ class _StreamClocks:
                 before = self._lost.get(name, (0, 0))
                 gaps.append(self._gap(name, last, tick, lost - before[0], bad - before[1]))
             self._last[name], self._lost[name] = tick, (lost, bad)
-            self._broken.discard(name)
+            if name in self._broken:
+                self._broken.discard(name)
+                self._away_ticks = 0  # the first stream has moved the clock, or it goes on
             kept.append(i)
             times.append(int(self._board_ns(name, np.array([tick]))[0]))
         if not kept:
@@ -385,9 +439,10 @@ class _StreamClocks:
 
     def _start_again(self, name: str) -> None:
         # The first stream that shows it moves the clock; the others follow as they show it.
+        self._restarted.discard(name)
         self._epochs[name] += 1
         if self._epochs[name] == len(self._moved):
-            self._moved.append(self._moved[-1] + self._last_tick[-1] + 1)
+            self._moved.append(self._moved[-1] + self._last_tick[-1] + 1 + self._away_ticks)
             self._last_tick.append(-1)
 
     def _gap(self, name: str, last: int, tick: int, lost: int, bad: int) -> Gap:

@@ -26,6 +26,7 @@ from esea_host.commissioning import (
     run_step,
 )
 from esea_host.commissioning.bench import TURN_S
+from esea_host.commissioning.record import done_at
 from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
 from esea_host.windows.frame import (
@@ -41,7 +42,7 @@ from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
 from esea_host.windows.theme import LIGHT
 
 LOOK_MS = 200
-STANDS = ("STOPPED", "FAULT")
+STANDS = ("STOPPING", "STOPPED", "FAULT")
 
 
 class CommissioningWindow(StopWindow):
@@ -62,7 +63,7 @@ class CommissioningWindow(StopWindow):
         self.result: StepResult | None = None
         self.done: dict[str, StepResult] = {}
         self._thread: threading.Thread | None = None
-        self._go_on, self._answer = threading.Event(), ""
+        self._go_on, self._answer = threading.Event(), record.notice()
         self.said.connect(self._show_said)
         self.asked.connect(self._show_asked)
         self.ended.connect(self._show_ended)
@@ -117,6 +118,7 @@ class CommissioningWindow(StopWindow):
             entry = self.record.last(step.name, self.bench.board.digest)
             mark = "  " if entry is None else "✓ " if entry["passed"] else "✗ "
             word = "" if entry is None else "  passed" if entry["passed"] else "  FAILED"
+            self.list.item(i).setToolTip("" if entry is None else done_at(entry))
             self.list.item(i).setText(f"{mark}{i + 1}. {step.title}{word}")
 
     def _choose(self, _: int) -> None:
@@ -158,11 +160,11 @@ class CommissioningWindow(StopWindow):
     def _work(self, step: CommissioningStep) -> None:
         try:
             result = run_step(self.bench, step, self.options)
-            self.record.add(result, self.bench.device.identity)
+            self.record.add(result, self.bench.device)
         except Exception as error:
             if isinstance(error, CommissioningEndedError):
                 with contextlib.suppress(Exception):
-                    self.bench.device.stop()
+                    self.bench.device.stop(again=True)
             self.ended.emit(error)
         else:
             self.ended.emit(result)
@@ -182,10 +184,10 @@ class CommissioningWindow(StopWindow):
 
     def stop(self) -> None:
         """End the step that runs, and stop the motor; returns at once."""
-        self.bench.cancel()
         if self._stopper is not None:
             self._stopper.stop()
             self.stop_asked_s = time.monotonic()
+        self.bench.cancel()
 
     def _command(self, name: str, job: Callable[[], None]) -> None:
         # No step runs, and the motor is off: nothing has to be stopped meanwhile.
@@ -207,6 +209,9 @@ class CommissioningWindow(StopWindow):
         for name in (RELEASE, CLEAR):
             self.bar.steps[name].refuse("a step runs" if self.busy else reasons[name])
         alarm = NOT_CONFIRMED if self.stop_unconfirmed(state) else ""
+        receiver = self.bench.device.receiver
+        if receiver.away and not alarm:
+            alarm = f"{receiver.away_text()}. Last state: {state}."
         words = alarm or NEXT.get(state if state in STANDS else "", "") or self._next()
         self.bar.tell(words, self.theme, alarm=bool(alarm), said=self._answer)
 

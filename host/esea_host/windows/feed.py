@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.link.transport import LinkError
-from esea_host.connection import Batch, ConnectedDevice
+from esea_host.connection import Batch, ConnectedDevice, PlayedBoard
 from esea_host.connection.receiver import KEY
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.windows.meanings import FaultText, fault_text
+from esea_host.windows.meanings import MOTOR_ON, FaultText, fault_text
 
 Floats = npt.NDArray[np.float64]
 LAST_S, SAME_S = 120.0, 1e-6
@@ -30,6 +30,15 @@ ANGLES = ("theta_motor", "theta_load")
 STILL_RAD, STILL_S, ZEROED_S = math.radians(0.5), 0.2, 0.5
 COMPONENT = 192  # a stop's frames are counted apart from the session's
 EVERY_S, FOR_S = 0.05, 2.0
+# What the health of a link counts, as it is shown.
+COUNTED = {
+    "gaps": "gaps",
+    "lost_frames": "frames lost",
+    "bad_frames": "damaged",
+    "reconnects": "reconnects",
+    "dropped_rows": "rows not recorded",
+    "not_shown": "rows not shown",
+}
 
 
 class StopSender:
@@ -39,17 +48,17 @@ class StopSender:
         self._device = device
         self._dialect = device.session.dialect
         self._encoder = self._dialect.MAVLink(None, 255, COMPONENT)
-        self._wanted, self._closed = threading.Event(), False
+        self._asks: queue.SimpleQueue[bool] = queue.SimpleQueue()  # False: closed
         self.sent = 0
         self._thread = threading.Thread(target=self._run, name="esea-stop", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        self._wanted.set()
+        self._asks.put(True)
 
     def close(self) -> None:
-        self._closed = True
-        self._wanted.set()
+        """What was asked before is sent."""
+        self._asks.put(False)
         self._thread.join(1.0)
 
     def send(self, repeats: int = 0) -> None:
@@ -67,23 +76,17 @@ class StopSender:
         return session.heartbeat is not None and session.state() == "STOPPED"
 
     def _run(self) -> None:
-        while True:
-            self._wanted.wait()
-            if self._closed:
-                return
+        while self._asks.get():
             end_s, repeats = time.monotonic() + FOR_S, 0
             # Once at least: what the heartbeat says may be old.
-            while not self._closed:
-                if self._wanted.is_set():
-                    self._wanted.clear()
-                    repeats = 0
+            while repeats == 0 or not (self._stopped() or time.monotonic() >= end_s):
                 with contextlib.suppress(LinkError):
                     self.send(repeats)
                 repeats += 1
-                if self._wanted.wait(EVERY_S):
-                    continue
-                if self._stopped() or time.monotonic() >= end_s:
-                    break
+                with contextlib.suppress(queue.Empty):
+                    if not self._asks.get(timeout=EVERY_S):
+                        return
+                    repeats = 0
 
 
 @dataclass
@@ -115,9 +118,10 @@ class LiveFeed:
         device.listen(list(self.rings))
         self.news = BoardNews()
         self.stopper = StopSender(device)
+        device.most_away_s, self._back = math.inf, device.receiver.reconnects
         self.came_s, self.zero_s = time.monotonic(), math.inf
         self.values: dict[str, float] = {}  # of parameters, when they were read last
-        self._jobs: queue.SimpleQueue[tuple[str, Callable[[], Any]]] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[str, Callable[[], Any], int]] = queue.SimpleQueue()
         self._closed = threading.Event()
         self._threads: list[threading.Thread] = []
         for name, turn in (("esea-view-rows", self._take), ("esea-view-asks", self._asks)):
@@ -131,7 +135,26 @@ class LiveFeed:
 
     @property
     def silent(self) -> bool:
-        return time.monotonic() - self.came_s > SILENT_S
+        """Whether what is known of the board is old."""
+        receiver = self.device.receiver
+        if isinstance(self.device, PlayedBoard):
+            return False
+        gone = receiver.away or receiver.reconnects != self._back
+        return gone or time.monotonic() - self.came_s > SILENT_S
+
+    def lost_text(self) -> str:
+        """Since when nothing comes, why, and what was known last."""
+        receiver, seconds = self.device.receiver, time.monotonic() - self.came_s
+        text, next_step = receiver.away_text(), "Reconnecting."
+        if not receiver.away:
+            since = time.strftime("%H:%M:%S", time.localtime(time.time() - seconds))
+            text = f"Nothing came from the board since {since} ({seconds:.0f} s)"
+            next_step = "The link is open. What is shown is old."
+            if receiver.reconnects != self._back:
+                text, next_step = "The link is back", "Waiting for the board's heartbeat."
+        if receiver.error is not None:
+            next_step = "Close this window and connect again."
+        return f"{text}. Last state: {self.news.state}. {next_step}"
 
     def gather(self, timeout_s: float = 0.0) -> None:
         for batch in self._queue.take(timeout_s):
@@ -144,7 +167,10 @@ class LiveFeed:
     def ask(self) -> None:
         """Do what was asked for, then look at state, fault and health."""
         while not self._jobs.empty():
-            what, job = self._jobs.get()
+            what, job, breaks = self._jobs.get()
+            if breaks != self.device.receiver.breaks:
+                self.news.said = f"{what}: not sent, for the link broke meanwhile. Ask again."
+                continue
             try:
                 answer = job()
                 if what:
@@ -153,6 +179,7 @@ class LiveFeed:
                 self.news.said = f"{what}: {error}".removeprefix(": ")
         self.news.state = self.device.state()
         self._tell_zero()
+        self._tell_back()
         while self.device.texts:
             self.news.said = f"the board says: {self.device.texts.popleft()}"
         number = self.device.fault() if self.news.state in ("FAULT", "STOPPED") else 0
@@ -180,6 +207,18 @@ class LiveFeed:
         elif self.news.state == "READY":
             self.news.said = "Zero: taken."
 
+    def _tell_back(self) -> None:
+        # Somebody has to arm it again who sees where it is now.
+        reconnects = self.device.receiver.reconnects
+        if reconnects == self._back or self.news.state == "UNKNOWN":
+            return
+        self._back = reconnects
+        again = "; the board has started again" if self.device.receiver.restarted else ""
+        self.news.said = f"The link is back since {time.strftime('%H:%M:%S')}{again}."
+        if self.news.state in MOTOR_ON:
+            self.device.disarm()
+            self.news.said += " The motor was still on, and was disarmed."
+
     @property
     def moves(self) -> bool:
         """Whether the joint moves too much to be zeroed."""
@@ -195,7 +234,7 @@ class LiveFeed:
 
         what: told when it is done; empty: only what goes wrong is.
         """
-        self._jobs.put((what, job))
+        self._jobs.put((what, job, self.device.receiver.breaks))
 
     def stop(self) -> None:
         """Stop the motor: past everything that waits; returns at once."""
@@ -221,13 +260,18 @@ class LiveFeed:
             self.news.error = str(error)
 
     def _asks(self) -> None:
+        receiver, told = self.device.receiver, ""
         while not self._closed.is_set():
+            failed = ""
             try:
                 self.ask()
             except Exception as error:
-                self.news.error = str(error)
-                if self.device.receiver.error is not None:
-                    return
+                if not receiver.away or receiver.error is not None:  # else lost_text tells
+                    failed = str(error)
+            if self.news.error == told:  # what has ended the rows stays
+                self.news.error = told = failed
+            if receiver.error is not None:
+                return
             self._closed.wait(ASK_S)
 
     def close(self) -> None:
@@ -237,6 +281,12 @@ class LiveFeed:
         for thread in self._threads:
             thread.join(2.0)
         self.device.receiver.unsubscribe(self._queue)
+
+
+def link_text(feed: LiveFeed) -> str:
+    health = feed.news.health
+    lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
+    return f"Link: {'none' if feed.silent else ', '.join(lost) or '0 messages lost'}"
 
 
 @dataclass(frozen=True)

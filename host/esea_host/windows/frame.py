@@ -35,7 +35,6 @@ from PySide6.QtWidgets import (
 )
 
 from esea_gen.files import written_whole
-from esea_host.connection import PlayedBoard
 from esea_host.windows.bar import BoardBar, StepButton
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.meanings import (
@@ -251,7 +250,8 @@ class StopWindow(QMainWindow):
         """State, next step, refusals and alarms of a board; more: further alarms."""
         news, drives = feed.news, ARM in self.bar.steps
         word, _, rest = news.state.partition(": ")
-        self.bar.show_state(word, ROLES.get(word, "rest"))
+        lost = "NO LINK" if feed.silent else ""
+        self.bar.show_state(lost or word, "alarm" if lost else ROLES.get(word, "rest"))
         alarms = [*self.alarms(feed), *filter(None, more)]
         words = [state_text(feed.device.session.dialect, word), NEXT.get(word, "")]
         if word == "READY" and not drives:
@@ -260,13 +260,9 @@ class StopWindow(QMainWindow):
         self.bar.tell("\n".join(alarms) or told, self.theme, alarm=bool(alarms), said=news.said)
         fault = 0 if news.fault is None else news.fault.number
         reasons = refusals(news.state, feed.moves, fault)
-        if self._lost(feed):
+        if lost:
             reasons = dict.fromkeys(reasons, "no link") | {DISARM: ""}
         self.bar.refuse(reasons)
-
-    @staticmethod
-    def _lost(feed: LiveFeed) -> bool:
-        return feed.silent and not isinstance(feed.device, PlayedBoard)
 
     def stop(self) -> None:
         raise NotImplementedError
@@ -284,8 +280,8 @@ class StopWindow(QMainWindow):
         if self.stop_unconfirmed(news.state):
             lines.append(NOT_CONFIRMED)
         lines += [news.error] if news.error else []
-        if self._lost(feed):
-            lines.append("Nothing comes from the board: what is shown is old.")
+        if feed.silent:
+            lines.append(feed.lost_text())
         if news.fault is not None:
             f = news.fault
             lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")

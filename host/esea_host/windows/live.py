@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from esea_host.connection import PlayedBoard
 from esea_host.windows.arm import add_arms
 from esea_host.windows.channels import ChannelTree
-from esea_host.windows.feed import LiveFeed, Stretch
+from esea_host.windows.feed import LiveFeed, Stretch, link_text
 from esea_host.windows.frame import (
     Job,
     StopWindow,
@@ -29,7 +29,7 @@ from esea_host.windows.frame import (
     qt_application,
     run_until_closed,
 )
-from esea_host.windows.meanings import GENERAL, link_text
+from esea_host.windows.meanings import GENERAL
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import (
@@ -299,7 +299,7 @@ class LiveWindow(StopWindow):
         ended = [] if recording is None or recording.error is None else [str(recording.error)]
         self.tell_board(self.feed, [f"RECORDING ENDED: {error}" for error in ended])
         mode = self.columns.mode(self.axis)
-        told = [self._who, f"mode: {mode}" if mode else "", link_text(self.feed.news.health)]
+        told = [self._who, f"mode: {mode}" if mode else "", link_text(self.feed)]
         if self.played is not None:
             told.append(f"played at {self.played.speed:g} times its speed")
         elif recording is None:
@@ -312,11 +312,10 @@ class LiveWindow(StopWindow):
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
         acting = {f.name: f.meaning for f in self.bands.acting(newest)}
         self.bar.indicators.light(acting, self.theme)
-        old = self.feed.silent and self.played is None
         for head, signals in zip(self._heads, self._signals, strict=True):
             if head[0] in READOUTS:
                 values = signals[-1].values(newest)
-                known = len(values) and not old and math.isfinite(values[-1])
+                known = len(values) and not self.feed.silent and math.isfinite(values[-1])
                 places = 1 if head[1] == "deg" else 2
                 number = f"{values[-1]:.{places}f}" if known else "\u2013"
                 self.bar.show_value(READOUTS[head[0]], number)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,15 +33,6 @@ NEXT = {
 }
 ZERO, ARM, DISARM, RELEASE, CLEAR = "Zero", "Arm", "Disarm", "Release", "Acknowledge fault"
 GENERAL = 4  # the last bit of a status word that means the same in every block
-# What the health of a link counts, as it is shown.
-COUNTED = {
-    "gaps": "gaps",
-    "lost_frames": "frames lost",
-    "bad_frames": "damaged",
-    "reconnects": "reconnects",
-    "dropped_rows": "rows not recorded",
-    "not_shown": "rows not shown",
-}
 
 
 @dataclass(frozen=True)
@@ -92,11 +82,6 @@ def fault_text(dialect: Any, number: int) -> FaultText:
     meaning, _, cure = said.partition("Cure:")
     name = str(entry.name).removeprefix("ESEA_FAULT_")
     return FaultText(number, name, meaning.strip(), cure.strip().rstrip("."))
-
-
-def link_text(health: Mapping[str, int]) -> str:
-    lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]
-    return f"Link: {', '.join(lost)}" if lost else "Link: 0 messages lost"
 
 
 def state_text(dialect: Any, name: str) -> str:

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QSi
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import LiveFeed, link_text
 from esea_host.windows.frame import (
     Job,
     StopWindow,
@@ -25,7 +25,6 @@ from esea_host.windows.frame import (
     push_button,
     row_of,
 )
-from esea_host.windows.meanings import link_text
 from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
@@ -287,7 +286,7 @@ class WristWindow(StopWindow):
     def _tell(self, picture: DisplayPicture) -> None:
         guide = self.display.guide
         self.tell_board(self.feed, [self.keeper.said])
-        self.bar.who.setText(f"{self._who}  |  {link_text(self.feed.news.health)}")
+        self.bar.who.setText(f"{self._who}  |  {link_text(self.feed)}")
         self.confirmed.setText(self._constraint(picture.acts))
         for name, wanted in (("Healthy", False), ("Constrained", True)):
             self.buttons[name].setChecked(self.keeper.wanted is wanted)
