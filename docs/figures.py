@@ -288,4 +288,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print("\nStopped. What was computed is kept; the same command goes on.", file=sys.stderr)
+        sys.exit(130)

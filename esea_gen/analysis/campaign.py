@@ -80,7 +80,8 @@ def _run(function: Function, case: dict[str, Any]) -> Result:
     try:
         values = {str(k): float(v) for k, v in function(**case).items()}
     except Exception as error:
-        text = "".join(traceback.format_exception_only(error)).strip()
+        told = isinstance(error, UserError)
+        text = str(error) if told else "".join(traceback.format_exception_only(error)).strip()
         return Result(case, None, text[:TAIL])
     bad = [k for k, v in values.items() if not math.isfinite(v)]
     if bad or not values:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.control.limits.faults import FAULT_TEXT, Fault
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import unit_of
@@ -80,11 +81,19 @@ def _mean_text(rows: list[dict[str, Any]], key: str) -> str:
 
 def problems(found: Findings) -> list[str]:
     return [
-        f"{name}, {case['name']}: {', '.join(k for k in BADLY if case.get(k))}"
+        f"{name}, {case['name']}: {', '.join(_ended(case, k) for k in BADLY if case.get(k))}"
         for name, simulation in found.simulations.items()
         for case in simulation.cases()
         if any(case.get(k) for k in BADLY)
     ]
+
+
+def _ended(case: dict[str, Any], how: str) -> str:
+    """A fault by its name, a failure by its reason."""
+    if how == "fault":
+        fault = Fault(int(case["fault_reason"]))
+        return f"latched {fault.name}, {FAULT_TEXT[fault]}"
+    return f"failed: {case[how]}" if how == "failure" else how
 
 
 def _tasks(found: Findings) -> dict[str, Any]:

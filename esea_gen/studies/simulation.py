@@ -96,6 +96,13 @@ class ClosedLoopStudy(Study):
         ]
         for name, entries in done.by_case().items():
             lines += _case_lines(name, entries, self.normalised)
+        full = controller_device(s.controller).tau_full_scale_Nm
+        asked = max(float(np.max(np.abs(c.trajectory.tau_desired_Nm))) for c in self.cases())
+        if asked > 1.001 * full:
+            lines.append(
+                f"asked for up to {asked:.3g} Nm, above full scale, {full:.3g} Nm: what is beyond "
+                "is not followed, and counts as error"
+            )
         total, ended = len(done.monte_carlo.results), len(done.ended())
         if ended:
             lines.append(

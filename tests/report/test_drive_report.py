@@ -145,7 +145,8 @@ def test_a_failure_turns_the_banner(findings, how):
     elif how in ("unstable", "tripped", "fault"):
         tuning = findings.simulations["tuning"]
         (result,) = tuning.monte_carlo.results
-        lost = replace(result, values=dict(result.values or {}) | {how: 1.0})
+        why = {how: 1.0} | ({"fault_reason": 9.0} if how == "fault" else {})
+        lost = replace(result, values=dict(result.values or {}) | why)
         runs = replace(tuning.monte_carlo, results=(lost,))
         simulations = findings.simulations | {"tuning": replace(tuning, monte_carlo=runs)}
         failed = replace(findings, simulations=simulations)
@@ -169,6 +170,7 @@ def test_a_failure_turns_the_banner(findings, how):
     text = failed.html()
     assert 'class="banner failed"' in text
     assert all(p in Page(text).text for p in failed.problems)
+    assert how != "fault" or "latched TORQUE, the interaction torque" in failed.problems[-1]
     # Two verdicts: a run that ended is not the C's fault, nor a wrong bit the drive's.
     code, does = failed.summary()[1:3]
     ended = how in ("unstable", "tripped", "fault")

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -147,6 +148,10 @@ def test_runs_that_ended_are_counted_and_explained(monkeypatch):
     text = "\n".join(some.table())
     assert "2 of 3 runs were unstable, tripped, latched or failed" in text
     assert "the plant left the page" in text
+    assert "full scale" not in text
+    with monkeypatch.context() as small:
+        small.setattr(room, "controller_device", lambda _: SimpleNamespace(tau_full_scale_Nm=1.5))
+        assert "asked for up to 1.7 Nm, above full scale, 1.5 Nm" in "\n".join(some.table())
     picture = some.figure()
     assert "seed 5 drive tripped" in picture.get_supxlabel()
     (axes, *_) = picture.axes
