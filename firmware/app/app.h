@@ -245,5 +245,4 @@ static inline uint32_t esea_ticks(uint32_t ms)
     return ticks > 0u ? ticks : 1u;
 }
 
-
 #endif

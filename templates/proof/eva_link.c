@@ -17,7 +17,7 @@
 
 static bool taken(esea_app_t *app)
 {
-    app->state = (ESEA_STATE)Frama_C_interval(0, 10); /* assumed: machine.c's state_known */
+    app->state = (ESEA_STATE)Frama_C_interval(0, 11); /* assumed: machine.c's state_known */
     return EITHER();
 }
 

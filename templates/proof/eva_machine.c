@@ -28,7 +28,7 @@ int main(void)
         };
 
         (void)esea_machine_take(&state, (ESEA_EVENT)ANY32(), &guards);
-        /*@ assert state_known: 0 <= state <= 10; */
+        /*@ assert state_known: 0 <= state <= 11; */
     }
     return 0;
 }

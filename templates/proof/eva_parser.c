@@ -229,7 +229,7 @@ static void any_memory(const esea_port_t *port)
     ANY(app.signing);
     app.signing.paired = EITHER();
     app.signing.streams.num_signing_streams = (uint16_t)count;
-    app.state = (ESEA_STATE)Frama_C_interval(0, 10); /* assumed: machine.c's state_known */
+    app.state = (ESEA_STATE)Frama_C_interval(0, 11); /* assumed: machine.c's state_known */
     ANY(app.refused_ms);
     app.port = port;
 }
