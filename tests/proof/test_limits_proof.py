@@ -31,7 +31,7 @@ def test_every_property_holds_for_any_bits(drive, real):
     require_tool("z3")
     found = prove_limits(drive, real)
     assert {v.name: v.said for v in found if v.said != "proven"} == {}
-    assert len(found) == len(PROPERTIES) == 32
+    assert len(found) == len(PROPERTIES) == 33
 
 
 @slow
