@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from esea_gen.emit.dialect import render_dialect
+from esea_gen.emit.states import TIMES_MS
 from esea_gen.emit.telemetry import stream_costs
 from esea_gen.link.transport import LinkError
 from tests.sim_drive import ANGLES, active, powered_on, texts, zeroed
@@ -53,7 +54,7 @@ def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
     """All inputs and outputs of both tasks, bit for bit those of the whole-run messages."""
     zeroed(board)
     sense, control = board.stream(["sense.*", "control.*"])
-    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 41 + 0 + 12
+    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 44 + 0 + 12
     for task in ("SENSE", "CONTROL"):
         for side in ("IN", "OUT"):
             board.tell(f"ESEA_{task}_{side}", 1000)
@@ -169,7 +170,7 @@ def test_names_that_are_not_clear_are_refused_before_anything_is_sent(board):
 
 @pytest.mark.parametrize(
     ("number", "task", "signals"),
-    [(6, 0, [0]), (0, 2, [0]), (0, 0, [54]), (0, 1, [13]), (0, 0, [])],
+    [(6, 0, [0]), (0, 2, [0]), (0, 0, [57]), (0, 1, [13]), (0, 0, [])],
 )
 def test_a_stream_of_what_there_is_not_is_denied(board, number, task, signals):
     fields = {"interval": 1, "stream": number, "task": task, "choice": 1, "samples": 0, "result": 0}
@@ -192,7 +193,7 @@ def bytes_in_a_second(board):
 
 @pytest.mark.parametrize(
     ("what", "names"),
-    [("sense: everything (53)", ["sense.*"]), ("control: one value (1)", ["u_command_Nm"])],
+    [("sense: everything (56)", ["sense.*"]), ("control: one value (1)", ["u_command_Nm"])],
 )
 def test_streams_cost_what_build_says(board, drive, what, names):
     """Counted on the line; what ends in zeros costs less, by less than those values."""
@@ -306,6 +307,7 @@ def test_with_the_motor_on_no_parameter_changes_and_the_reply_says_so(board):
         board.ticks(1)
     assert board.parameter("limits.tau_max_Nm") == allowed
     board.stop()
+    board.ticks(TIMES_MS["STOP_OFF"][0])
     assert board.set_parameter("limits.tau_max_Nm", 5.0) == 5
 
 

@@ -75,7 +75,10 @@ def test_the_page_adds_a_study_with_one_file(tmp_path):
         # Held at 1 Nm: off by the hysteresis of 0.12 Nm at most.
         assert abs(c["end_Nm"] - 1) < 0.12
         assert 0 < c["rms_true_Nm"] < 1
-    assert "Ramps to 1 Nm, output fixed: smc, plant real, person none, 2 runs a case" in said
+    assert (
+        "Ramps to 1 Nm, output fixed: mpc-no-preview, plant real, person none, 2 runs a case"
+        in said
+    )
     assert (tmp_path / "ramps.png").read_bytes()[:4] == b"\x89PNG"
 
 
