@@ -217,7 +217,11 @@ def test_two_active_axes_need_no_second_wiring(drive):
     """Each axis does what the drive of one axis does, bit for bit; a stop stops both."""
     require_tool("gcc")
     text = 'schema = 1\nextends = "elbow_drive"\nname = "pair"\ntitle = "Two"\n'
-    pair = parse_device(text + 'axes = ["flexion", "deviation"]\n', "pair.toml")
+    text += 'axes = ["flexion", "deviation"]\n'
+    for side in ("motor", "load"):
+        zero = '{ value = 0.0, status = "assumed", source = "as the drive of one axis" }'
+        text += f"[encoder.{side}]\nzero_rad = {zero}\n"
+    pair = parse_device(text, "pair.toml")
     one, two = compile_device(drive, "f32").board(), compile_device(pair, "f32").board()
     sense, control = drive.system.tasks
     rng = np.random.default_rng(5)

@@ -327,7 +327,7 @@ def test_the_essential_types_are_armed(folder, tmp_path):
 def test_no_arithmetic_on_truth_values(name, real):
     for file, text in texts(name, real).items():
         # A name is one function's: what it is says its last declaration before the cast.
-        casts = re.finditer(r"\((?:u?int\d+_t|float|double|int)\)\(?!?(\w+)", text)
+        casts = re.finditer(r"\((?:u?int\d+_t|float|double|int)\)\(?!?(\w+)\b(?! \?)", text)
         of = {m.start(): m[1] for m in casts}
         types: dict[str, str] = {}
         for m in re.finditer(r"const (\w+) (\w+) =|\((?=[uifd])", text):

@@ -125,7 +125,7 @@ def test_workers_run_it_and_a_failure_is_no_instability(tmp_path):
     ]
     with command(arguments, tmp_path) as running:
         said, error = running.communicate(timeout=600)
-    assert running.returncode == 0, error
+    assert running.returncode == 1, error
     content = json.loads((tmp_path / "out.json").read_text())
     held("simulate", content)
     good = [c for c in content["cases"] if c["name"] != "broken"]
