@@ -15,6 +15,7 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.names import completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats, option
 from esea_gen.cli.output import progress_line
+from esea_gen.devices import BEST_DRIVE
 from esea_gen.errors import UserError
 from esea_gen.files import result_schema, result_schemas, write_whole
 
@@ -119,7 +120,7 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new device.")],
     base: Annotated[
         str | None,
-        option("--from DEVICE", "Device to start from; default: elbow, with --short elbow_drive."),
+        option("--from DEVICE", f"Device to start from; default: elbow; --short: {BEST_DRIVE}."),
     ] = None,
     short: Annotated[
         bool, option("--short", "Ask for a dozen numbers of a drive; the others are scaled.")
@@ -143,7 +144,7 @@ def new(
     if give and not short:
         raise UserError("--give answers the questions of --short.", "Add --short.")
     if short:
-        text = _short(name, base or "elbow_drive", give or [])
+        text = _short(name, base or BEST_DRIVE, give or [])
     else:
         text = copy_device(esea_gen.load_device(base or "elbow"), name).toml()
     fresh = not beside.exists()

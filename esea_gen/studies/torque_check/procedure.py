@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from esea_gen.devices.drive_relations import spring_Nm
 from esea_gen.errors import UserError
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
     e = device.elastomer
     zone = e.dead_zone_rad.value if e.dead_zone_rad else 0.0
     delta = max(theta_rad - zone, 0.0)
-    torque = e.k3_Nm_rad3.value * delta**3 + e.k1_Nm_rad.value * delta
+    torque = spring_Nm(device.file, theta_rad)
     for i in range(1, int(e.stops.value) + 1):
         r = e.omega_rad.value * i
         torque += e.alpha_Nm_rad.value * math.exp(-e.beta_1_rad.value * r) * min(delta, r)
