@@ -3,100 +3,15 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from esea_gen.control.limits.monitor import encoder_monitor, monitor
 from esea_gen.device import parse_device
-from tests.single_steps import COUNT, Steps, word
 
-where = np.where
-SIGMA = 0.00105 * 4096 / (2 * math.pi)  # of the device file, in counts of 12 bits
-LARGEST = math.sqrt(4 + 6 * (2 * SIGMA) ** 2)
-ROOM = np.array([22.0, 22, 22, 22, 34, 66])[:, None]
-U = 0.221
+ROOM = 22, 22, 22, 22, 34, 66  # counts that a bit may stay
 NONE, SWINGS, ROUGH, STUCK = range(4)
-
-
-def test_a_step_of_an_encoder_s_monitor(drive):
-    """[mon 1] to [mon 4], typed again: 12 bits, of which six are watched; 15 counts a tick."""
-
-    def together(s, u, rng):
-        near = rng.random(COUNT) < 0.9
-        step = rng.choice([0, 1, -1, 3, 9, -7, 40], COUNT)
-        u["count"][:] = np.rint(u["count"])
-        s["count_last"][near] = ((u["count"] - step) % 4096)[near]
-        u["frame_error"][rng.random(COUNT) < 0.9] = 0
-        s["mean"][:] *= rng.choice([0.001, 0.01, 0.1], COUNT)
-        s["followed"][:] = rng.random(COUNT) < 0.9
-
-    run = Steps(encoder_monitor(drive, "load"), together=together)
-    s, u = run.s, run.u
-    good = run.ok & (u.frame_error < 0.5)
-    count = where(good, u.count, s.count_last)
-    now = (count - s.count_last + 2048) % 4096 - 2048
-    on = good & (s.followed > 0.5) & (abs(now) <= 60)
-    now, before = where(on, now, 0), where(on, s.step, 0)
-    bent = np.clip((now - before) / LARGEST, -4, 4)
-    mean = s.mean + (now - s.mean) / 16
-    roughness = s.roughness + (1 - math.exp(-0.01)) * (bent**2 - s.roughness)
-    weight = 2.0 ** np.arange(6)[:, None]
-    ones = np.floor(np.rint(count) / weight) % 2
-    slow = on & (abs(mean) <= weight / 2)
-    onward = np.clip(s.moved + np.clip(now, -weight - 1, weight + 1), -ROOM, ROOM)
-    kept = where(abs(s.moved) > ROOM - 0.5, s.moved, where(slow, onward, 0))
-    moved = where(abs(ones - s.ones) < 0.5, kept, 0)
-    stuck, rough = (abs(moved) > ROOM - 0.5).any(axis=0), roughness > 1
-    run.compare(
-        {
-            "next_followed": good,
-            "next_count_last": count,
-            "next_step": now,
-            "next_mean": mean,
-            "next_roughness": roughness,
-            "next_ones": ones,
-            "next_moved": moved,
-            "y_doubt": np.select([stuck, rough], [STUCK, ROUGH]),
-            "y_status": word(~run.ok, ~run.whole, stuck, rough),
-        }
-    )
-
-
-def wished(u):
-    moved = 3 * u.theta_desired_rad + 0.35 * u.omega_desired_rad_s
-    return u.tau_desired_Nm + where(u.mode > 1.5, moved, 0)
-
-
-def test_a_step_of_the_monitor(drive):
-    """[mon 5]: a rate limit of 50 Nm/s, nine tenths of 0.221 Nm, 25 in a second; a wish's step."""
-
-    def together(s, u, rng):
-        wish = wished(SimpleNamespace(**u))
-        near = rng.random(COUNT) < 0.7
-        s["wish_last_Nm"][near] = (wish + rng.uniform(-0.04, 0.04, COUNT))[near]
-
-    run = Steps(monitor(drive), together=together)
-    s, u = run.s, run.u
-    wish = wished(u)
-    followed = np.clip(np.clip(u.u_command_Nm, s.u_last_Nm - 0.05, s.u_last_Nm + 0.05), -U, U)
-    at = np.sign(followed) * (abs(followed) > 0.9 * U)
-    excused = where(abs(wish - s.wish_last_Nm) > 0.02235, 2, s.excused)
-    swung = at * s.limit_last < -0.5
-    swings = s.swings * math.exp(-1e-3) + where(swung & (excused < 0.5), 1 / 25, 0)
-    worst = np.maximum(np.maximum(u.doubt_motor, u.doubt_load), swings > 1)
-    run.compare(
-        {
-            "next_u_last_Nm": followed,
-            "next_limit_last": where(at == 0, s.limit_last, at),
-            "next_swings": swings,
-            "next_wish_last_Nm": wish,
-            "next_excused": np.maximum(excused - swung, 0),
-            "y_doubt": worst,
-            "y_status": word(~run.ok, ~run.whole, swings > 1),
-        }
-    )
 
 
 # -- what is sound ---------------------------------------------------------------------------------
@@ -159,7 +74,7 @@ def test_a_push_at_the_limit_and_a_movement_to_and_fro_are_no_swings(drive):
 def test_swings_that_steps_of_the_wish_make_are_none_of_the_sensing(drive, wish):
     """Steps at 50 Hz, each answered there and back; with a wish at rest the command is found."""
     t = np.arange(3000)
-    u = 0.221 * where(t % 20 < 10, 1.0, -1.0)
+    u = 0.221 * np.where(t % 20 < 10, 1.0, -1.0)
     steps = {"mode": np.full(3000, 2.0), wish: 0.1 * (t // 20 % 2)}
     assert not swung(drive, u, **steps).any()
     # In torque mode it is the torque that counts.
@@ -184,7 +99,7 @@ def test_a_stuck_bit_is_found_within_the_motion_that_is_stated(drive, bit, value
     found = doubted(drive, path, change=change)
     first = np.flatnonzero(found == STUCK)[0]
     # The room, and up to two blocks until what is read has moved so far.
-    assert abs(path[first] - path[0]) * 4096 / (2 * math.pi) <= ROOM[bit, 0] + 2 ** (bit + 1) + 1
+    assert abs(path[first] - path[0]) * 4096 / (2 * math.pi) <= ROOM[bit] + 2 ** (bit + 1) + 1
     assert set(found) <= {NONE, ROUGH, STUCK}
 
 
