@@ -51,7 +51,6 @@ from esea_gen.twin.run import (
     PLANT_NAMES,
     axis_of,
     compiled_loop,
-    refuse_unadapted,
     run_case,
 )
 from esea_gen.twin.trajectories import RATE_HZ
@@ -120,7 +119,7 @@ class ClosedLoopStudy(Study):
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
         """The setting, ``cases``, and percentiles by case where there are several seeds."""
-        s, names = done.setting, ("controller", "plant", "off", "adapted", "axis")
+        s, names = done.setting, ("controller", "plant", "off", "axis")
         content: dict[str, Any] = {
             "experiment": done.study.name,
             "title": done.study.title,
@@ -234,8 +233,7 @@ class Simulation:
 
     @property
     def more(self) -> str:
-        axis = f", {self.setting.axis}" if self.setting.axis else ""
-        return axis + (", adapted" if self.setting.adapted else "")
+        return f", {self.setting.axis}" if self.setting.axis else ""
 
     def cases(self) -> list[dict[str, Any]]:
         entries = []
@@ -363,7 +361,6 @@ def simulate(
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
     device = controller_device(s.controller)
-    refuse_unadapted(device, s)
     s = replace(s, axis=axis_of(device, s))
     if s.fault:
         _check_time(chosen, s.fault)
