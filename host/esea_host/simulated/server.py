@@ -109,7 +109,7 @@ class _Guests:
             self._let_go(place)
 
 
-class _Terminal:
+class Terminal:
     def __init__(self) -> None:
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
@@ -162,7 +162,7 @@ def serve(
         if zeroed:
             _zero(drive)
         if port is None:
-            terminal = _Terminal()
+            terminal = Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
             _play(drive, terminal, speed, Hands(hands))
             return
@@ -260,7 +260,7 @@ def serve_hosts(
 
 def _play(
     drive: SimulatedBoard,
-    line: _Socket | _Terminal,
+    line: _Socket | Terminal,
     speed: float,
     hands: Hands | None,
     attend: Callable[[], None] = lambda: None,
