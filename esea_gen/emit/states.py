@@ -156,13 +156,13 @@ def main() -> None:
     from esea_gen.targets import firmware_folder
 
     root = firmware_folder()
-    (root / "app" / "states.h").write_text(states_header(), encoding="utf-8")
+    (root / "app" / "states.h").write_text(states_header(), encoding="utf-8", newline="\n")
     page = root.parent / "docs" / "firmware.md"
     text = page.read_text(encoding="utf-8")
     before, rest = text.split(TABLES_FROM)
     _, after = rest.split(TABLES_TO)
     parts = (before, TABLES_FROM, "\n\n", state_tables(), "\n", TABLES_TO, after)
-    page.write_text("".join(parts), encoding="utf-8")
+    page.write_text("".join(parts), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
