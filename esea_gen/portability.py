@@ -56,6 +56,13 @@ def name_fault(name: str) -> str:
     return "ends in a dot or a space, which Windows drops" if name.endswith((".", " ")) else ""
 
 
+def file_name(name: str) -> str:
+    """Return a name that a file can have on every system; else ValueError with the reason."""
+    if fault := name_fault(name):
+        raise ValueError(fault)
+    return name
+
+
 def in_use(error: OSError) -> bool:
     """Whether a file cannot be replaced because another program has it open (on Windows)."""
     return getattr(error, "winerror", None) in SHARING_VIOLATIONS

@@ -101,7 +101,7 @@ class SerialTransport(Transport):
         try:
             import serial
         except ModuleNotFoundError:
-            fix = "Install it with: pip install 'esea-gen[link]'"
+            fix = 'Install it with: pip install "esea-gen[link]"'
             raise LinkError(f"{port}: pyserial is not installed", fix) from None
         try:
             self._port: Any = serial.Serial(port, baud, exclusive=True)
