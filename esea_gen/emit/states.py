@@ -125,8 +125,7 @@ def main() -> None:
     from esea_gen.targets import firmware_folder
 
     header = firmware_folder() / "app" / "states.h"
-    header.write_text(states_header(), encoding="utf-8", newline="
-")
+    header.write_text(states_header(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

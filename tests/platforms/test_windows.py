@@ -12,7 +12,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import mypy
-from tests.conftest import ROOT
 
 STUBS = Path(mypy.__file__).parent / "typeshed" / "stdlib"
 
