@@ -47,6 +47,7 @@ class MoteusDrive:
     torque_Nm: float = 0.0
     voltage_V: float = 24.0
     motor_C: float = 25.0
+    limit_Nm: float = math.inf  # of the drive itself, as when it is hot
     silent: bool = False
     _now_s: float = 0.0
     _heard_s: float = 0.0
@@ -130,9 +131,10 @@ class MoteusDrive:
         if self.mode != Mode.POSITION:
             self.torque_Nm = 0.0
             return
-        most = c[Register.COMMAND_POSITION_MAX_TORQUE]
-        wanted = c[Register.COMMAND_FEEDFORWARD_TORQUE]
-        self.torque_Nm = wanted if math.isnan(most) else max(-most, min(most, wanted))
+        most, wanted = self.limit_Nm, c[Register.COMMAND_FEEDFORWARD_TORQUE]
+        if not math.isnan(c[Register.COMMAND_POSITION_MAX_TORQUE]):
+            most = min(most, c[Register.COMMAND_POSITION_MAX_TORQUE])
+        self.torque_Nm = max(-most, min(most, wanted))
         self.fault = LIMITED if self.torque_Nm != wanted else 0
 
     def _value(self, register: int) -> float | None:

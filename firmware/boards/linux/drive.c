@@ -24,7 +24,7 @@
 #define SENT_ID (0x8000u | DRIVE_ID) /* from 0 to the drive, with a reply */
 #define REPLY_ID (DRIVE_ID << 8u)
 #define WATCHDOG_S 0.02f /* a drive that hears nothing for so long lets go */
-#define SILENT_TICKS 5u
+#define SILENT_TICKS 4u /* one more than the encoders' Blocks bridge */
 #define WRONG_TICKS 20u /* in a mode that was not asked for, or limited */
 #define PATIENCE_MS 500
 
