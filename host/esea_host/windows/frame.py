@@ -36,7 +36,7 @@ from PySide6.QtWidgets import (
 
 from esea_gen.files import written_whole
 from esea_host.windows.bar import BoardBar, StepButton
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import LiveFeed, board_alarms
 from esea_host.windows.meanings import (
     ARM,
     CLEAR,
@@ -276,16 +276,8 @@ class StopWindow(QMainWindow):
 
     def alarms(self, feed: LiveFeed) -> list[str]:
         """What somebody has to know of a board at once."""
-        news, lines = feed.news, []
-        if self.stop_unconfirmed(news.state):
-            lines.append(NOT_CONFIRMED)
-        lines += [news.error] if news.error else []
-        if feed.silent:
-            lines.append(feed.lost_text())
-        if news.fault is not None:
-            f = news.fault
-            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
-        return lines
+        unconfirmed = self.stop_unconfirmed(feed.news.state)
+        return [NOT_CONFIRMED, *board_alarms(feed)] if unconfirmed else board_alarms(feed)
 
     # -- keys --------------------------------------------------------------------------------------
 

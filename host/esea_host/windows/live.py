@@ -36,23 +36,17 @@ from esea_host.windows.plots import (
     BANDS_PX,
     LOOP,
     PANEL_PX,
-    AxisColumns,
     Cursors,
-    Head,
     LimitBands,
     LoopPlot,
-    ShownSignal,
     SpectrumPlot,
     TimePlot,
-    signal_of,
 )
+from esea_host.windows.signals import LIT_S, AxisColumns, Head, ShownSignal, signal_of
 from esea_host.windows.theme import DARK, LIGHT, Theme
 from esea_host.windows.trigger import NORMAL, OFF, Trigger, TriggerBar
 
 FRAME_MS = 50
-LIT_S = 0.3  # an indicator stays lit so long that it is seen
-# What is shown large, of which plot; degrees with one place, torque with two.
-READOUTS = {"Torque": "torque [Nm]", "Joint": "angle [deg]", "Motor": "command [Nm]"}
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 
 
@@ -312,13 +306,8 @@ class LiveWindow(StopWindow):
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
         acting = {f.name: f.meaning for f in self.bands.acting(newest)}
         self.bar.indicators.light(acting, self.theme)
-        for head, signals in zip(self._heads, self._signals, strict=True):
-            if head[0] in READOUTS:
-                values = signals[-1].values(newest)
-                known = len(values) and not self.feed.silent and math.isfinite(values[-1])
-                places = 1 if head[1] == "deg" else 2
-                number = f"{values[-1]:.{places}f}" if known else "\u2013"
-                self.bar.show_value(READOUTS[head[0]], number)
+        for caption, number in self.columns.readouts(self.axis, newest):
+            self.bar.show_value(caption, number)
 
     # -- choosing --------------------------------------------------------------------------------
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPalette
-from PySide6.QtWidgets import QLabel
+if TYPE_CHECKING:  # the browser view takes the colours without Qt
+    from PySide6.QtGui import QPalette
+    from PySide6.QtWidgets import QLabel
 
 
 def plain_label(text: str = "") -> QLabel:
     """A label of what came from elsewhere: a tag in it is shown, and does nothing."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtWidgets import QLabel
+
     label = QLabel(text)
     label.setTextFormat(Qt.TextFormat.PlainText)
     return label
@@ -37,6 +41,8 @@ class Theme:
     curves: tuple[str, ...]
 
     def palette(self) -> QPalette:
+        from PySide6.QtGui import QColor, QPalette
+
         made = QPalette()
         role = QPalette.ColorRole
         for place in (role.Window, role.Button):
