@@ -231,7 +231,8 @@ def need_a_screen(otherwise: str) -> None:
         tried = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             timeout=OPEN_S,
             check=False,
         )
