@@ -455,7 +455,7 @@ def write_pages(folder: Path) -> None:
     """Write them beside the pages that are written by hand."""
     for path, text in pages().items():
         (folder / path).parent.mkdir(exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
+        (folder / path).write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

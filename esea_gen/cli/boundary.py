@@ -162,7 +162,7 @@ def explained(error: BaseException) -> str | None:
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("esea"):
         return (
             f"This needs {error.name.partition('.')[0]}, which is not installed. "
-            "Install it with: pip install 'esea-gen[host]'"
+            'Install it with: pip install "esea-gen[host]"'
         )
     if isinstance(error, ImportError) and ".so" in str(error):
         return f"A library cannot be loaded ({error}). Install what it names."

@@ -124,7 +124,8 @@ def main() -> None:
     """Write the C header from the table."""
     from esea_gen.targets import firmware_folder
 
-    (firmware_folder() / "app" / "states.h").write_text(states_header(), encoding="utf-8")
+    header = firmware_folder() / "app" / "states.h"
+    header.write_text(states_header(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

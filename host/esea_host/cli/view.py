@@ -218,7 +218,7 @@ def need_a_screen(otherwise: str) -> None:
     """What to use where there is none, or no Qt."""
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
-        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+        raise UserError(f"{missing[0]} is not installed.", 'pip install "esea-gen[host]"')
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
         raise UserError("There is no screen here.", f"Use {otherwise}.")
@@ -231,7 +231,8 @@ def need_a_screen(otherwise: str) -> None:
         tried = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             timeout=OPEN_S,
             check=False,
         )
