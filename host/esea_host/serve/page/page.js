@@ -25,10 +25,7 @@ function connect() {
     take(JSON.parse(event.data));
     socket.send("drawn");  // one picture at a time is on its way, so none is shown too late
   };
-  socket.onclose = event => {
-    why = event.reason || why;
-    show();
-  };
+  socket.onclose = event => { why = event.reason || why; show(); };
   tried = performance.now();
 }
 
@@ -98,7 +95,7 @@ function draw() {
     }
   }
   page.acting.replaceChildren();
-  news.acting.forEach(name => { add("span", page.acting, name).dataset.role = "caution"; });
+  for (const name of news.acting) add("span", page.acting, name).dataset.role = "caution";
 }
 
 function show() {
