@@ -7,9 +7,11 @@ import errno
 import os
 import re
 import select
+import shlex
 import signal
 import socket
 import stat
+import subprocess
 import sys
 import tempfile
 import time
@@ -148,6 +150,11 @@ def processors() -> int:
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def command_line(*words: str) -> str:
+    """Words as a person types them into this system's shell."""
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
 
 def limit_memory(most_bytes: int) -> None:
