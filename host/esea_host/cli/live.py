@@ -16,7 +16,7 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, from_extra, paragraphs
@@ -30,6 +30,7 @@ from esea_host.cli.options import (
     RateOption,
     SecondsOption,
     StreamOption,
+    driven_by,
     output_file,
 )
 from esea_host.connection import ConnectedDevice, Subscription, open_device
@@ -329,6 +330,7 @@ def _read(path: Path) -> dict[str, float]:
 @app.command()
 def sim(
     device: Annotated[str, typer.Argument(help="Or such as elbow_drive or knee.")] = BEST_DRIVE,
+    controller: ControllerOption = None,
     tcp: Annotated[int | None, option("--tcp", "Port; 0: any.", min=0, max=65535)] = None,
     pty: Annotated[bool, option("--pty", "A pseudo terminal in place of TCP.")] = False,
     person: Annotated[
@@ -356,7 +358,7 @@ def sim(
 
     if pty and tcp is not None:
         raise UserError("Both --tcp and --pty are given.", "Give one.")
-    port = None if pty else (tcp or 0)
+    port, device = None if pty else (tcp or 0), driven_by(controller, device)
     try:
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
               board=board, zeroed=zeroed, say=_tell,
