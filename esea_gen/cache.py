@@ -9,14 +9,14 @@ import time
 from functools import cache
 from pathlib import Path
 
-from esea_gen.portability import cache_base
+from esea_gen.portability import user_folder
 
 _STARTED_S = time.time()
 
 
 def cache_folder() -> Path:
     """The user's folder of what can be made again, made if need be."""
-    folder = cache_base("esea-gen")
+    folder = user_folder("cache", "esea-gen")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:

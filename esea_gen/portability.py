@@ -7,9 +7,11 @@ import errno
 import os
 import re
 import select
+import shlex
 import signal
 import socket
 import stat
+import subprocess
 import sys
 import tempfile
 import time
@@ -21,51 +23,38 @@ from pathlib import Path
 
 import platformdirs
 
-# -- folders ---------------------------------------------------------------------------------------
 
-
-def cache_base(program: str) -> Path:
-    """Folder of what can be made again; ``$XDG_CACHE_HOME`` names another one on every system."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return Path(base) / program if base else platformdirs.user_cache_path(program, False)
-
-
-def config_base(program: str) -> Path:
-    """Folder of keys and of what a person trusts; ``$XDG_CONFIG_HOME`` names another one."""
-    base = os.environ.get("XDG_CONFIG_HOME")
-    return Path(base) / program if base else platformdirs.user_config_path(program, False)
+def user_folder(kind: str, program: str) -> Path:
+    """A user's ``cache`` or ``config``; ``$XDG_CACHE_HOME``, ``$XDG_CONFIG_HOME`` go before."""
+    if base := os.environ.get(f"XDG_{kind.upper()}_HOME"):
+        return Path(base) / program
+    return Path(getattr(platformdirs, f"user_{kind}_dir")(program, False))
 
 
 # -- files -----------------------------------------------------------------------------------------
 
 BINARY = getattr(os, "O_BINARY", 0)  # else Windows changes the ends of lines
 AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a named pipe would never answer
-SHARING_VIOLATIONS = (5, 32, 33)  # Windows' numbers: denied, open elsewhere, locked
 PATIENCE_S = 2.0  # for a virus scanner or an indexer that looks at a new file
 _LOCKED_BYTE = 1 << 30  # far behind the text: Windows lets nobody read a locked byte
 _TAKEN = {errno.EACCES, errno.EAGAIN, getattr(errno, "EDEADLOCK", errno.EAGAIN)}
-_DEVICE = re.compile(r"(?i)(con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3])( *\..*)?")
+_DEVICE = re.compile(r"(?i)(con|prn|aux|nul|(com|lpt)[1-9\u00b9\u00b2\u00b3])( *\..*)?")
 
 
-def name_fault(name: str) -> str:
-    """Why a file of this name cannot be on every system; empty if it can."""
-    if _DEVICE.fullmatch(name.rstrip()):
-        return "is the name of a device on Windows"
-    if bad := sorted({c for c in name if c in '<>:"/\\|?*' or c < " "}):
-        return f"holds {' '.join(map(repr, bad))}, which Windows allows in no file name"
-    return "ends in a dot or a space, which Windows drops" if name.endswith((".", " ")) else ""
-
-
-def file_name(name: str) -> str:
+def check_file_name(name: str) -> str:
     """Return a name that a file can have on every system; else ValueError with the reason."""
-    if fault := name_fault(name):
-        raise ValueError(fault)
+    if _DEVICE.fullmatch(name.rstrip(" ")):
+        raise ValueError("is the name of a device on Windows")
+    if bad := sorted({c for c in name if c in '<>:"/\\|?*' or c < " "}):
+        raise ValueError(f"holds {' '.join(map(repr, bad))}, which Windows has in no file name")
+    if name.endswith((".", " ")):
+        raise ValueError("ends in a dot or a space, which Windows drops")
     return name
 
 
 def in_use(error: OSError) -> bool:
-    """Whether a file cannot be replaced because another program has it open (on Windows)."""
-    return getattr(error, "winerror", None) in SHARING_VIOLATIONS
+    """Whether Windows does not replace a file: denied, open or locked in another program."""
+    return getattr(error, "winerror", None) in (5, 32, 33)
 
 
 def replace(source: Path, target: Path) -> None:
@@ -95,13 +84,12 @@ def rename_new(source: Path, target: Path) -> None:
 
 def sync_folder(folder: Path) -> None:
     """Have the name of a new file outlast a power failure; Windows has no such call."""
-    if sys.platform == "win32":
-        return
-    file = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)
+    if sys.platform != "win32":
+        file = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(file)
+        finally:
+            os.close(file)
 
 
 def try_lock(file: int) -> bool:
@@ -135,10 +123,7 @@ def lock_holder(path: str | Path) -> str:
 
 
 def others_rights(about: os.stat_result) -> tuple[int, int]:
-    """A strange owner's number, 0: ours or the system's; what others may do with a file.
-
-    Windows keeps rights in lists that Python does not read; a profile's folder is its owner's.
-    """
+    """Number of another owner, else 0; what others may do.  Windows has lists: not read here."""
     if sys.platform == "win32":
         return 0, 0
     owner = about.st_uid if about.st_uid != os.geteuid() else 0
@@ -152,12 +137,12 @@ def longest_name(folder: Path) -> int:
     return os.pathconf(folder, "PC_NAME_MAX")
 
 
-# -- processes -------------------------------------------------------------------------------------
+# -- processes and terminals -----------------------------------------------------------------------
 
-# Closing a terminal or a console; Ctrl+C comes as KeyboardInterrupt everywhere.
-ENDING_SIGNALS: list[signal.Signals] = [
-    getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)
-]
+CAN_FORK = TERMINALS = sys.platform != "win32"
+# Ctrl+C comes as KeyboardInterrupt everywhere.
+_ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
+ENDING_SIGNALS: list[signal.Signals] = [getattr(signal, n) for n in _ENDING if hasattr(signal, n)]
 
 
 def processors() -> int:
@@ -167,15 +152,17 @@ def processors() -> int:
     return os.cpu_count() or 1
 
 
+def command_line(*words: str) -> str:
+    """Words as a person types them into this system's shell."""
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+
+
 def limit_memory(most_bytes: int) -> None:
     """Let this process have no more memory, where the system can."""
     if sys.platform != "win32":
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
-
-
-CAN_FORK = sys.platform != "win32"
 
 
 def passes_apart(job: Callable[[], bool], limit_s: int) -> bool:
@@ -201,39 +188,33 @@ def listening_for_qemu() -> Iterator[tuple[socket.socket, str]]:
     if sys.platform == "win32":
         with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
             yield server, f"socket,host=127.0.0.1,port={server.getsockname()[1]},server=off"
-        return
-    with (
-        tempfile.TemporaryDirectory(prefix="esea-") as folder,
-        socket.socket(socket.AF_UNIX) as server,
-    ):
-        server.bind(f"{folder}/link")
-        server.listen(1)
-        yield server, f"socket,path={folder}/link,server=off"
-
-
-# -- terminals and streams -------------------------------------------------------------------------
-
-TERMINALS = sys.platform != "win32"  # Windows has no pseudo terminals with names
+    else:
+        with (
+            tempfile.TemporaryDirectory(prefix="esea-") as folder,
+            socket.socket(socket.AF_UNIX) as server,
+        ):
+            server.bind(f"{folder}/link")
+            server.listen(1)
+            yield server, f"socket,path={folder}/link,server=off"
 
 
 def raw_terminal(path: str | Path) -> int:
     """A terminal, raw and without waiting, that nobody has locked; OSError if it is none."""
     if sys.platform == "win32":
-        raise OSError(errno.ENOSYS, "Windows has no pseudo terminals")
+        raise NotImplementedError
     import termios
     import tty
 
     handle = os.open(path, os.O_RDWR | os.O_NOCTTY)
     try:
         if not try_lock(handle):  # as pyserial does
-            raise BlockingIOError(errno.EWOULDBLOCK, "in use")
+            raise BlockingIOError
         tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
         os.set_blocking(handle, False)
-    except termios.error as error:
+    except BaseException as error:
         os.close(handle)
-        raise OSError(errno.ENOTTY, f"it is no terminal: {error.args[1]}") from None
-    except BaseException:
-        os.close(handle)
+        if isinstance(error, termios.error):
+            raise OSError(errno.ENOTTY, f"it is no terminal: {error.args[1]}") from None
         raise
     return handle
 
@@ -241,7 +222,7 @@ def raw_terminal(path: str | Path) -> int:
 def raw_terminal_pair() -> tuple[int, int, str]:
     """Both ends of a new pseudo terminal, ours without waiting, and the name of the other."""
     if sys.platform == "win32":
-        raise OSError(errno.ENOSYS, "Windows has no pseudo terminals")
+        raise NotImplementedError
     import tty
 
     ours, theirs = os.openpty()
@@ -251,56 +232,47 @@ def raw_terminal_pair() -> tuple[int, int, str]:
 
 
 def other_end_left(link: socket.socket) -> bool:
-    """Whether the other end of a socket that does not wait has closed it.
-
-    On Linux also while what it said last is still to be read.
-    """
+    """Whether the other end of a non-blocking socket has closed it; on Linux before all is read."""
     if sys.platform == "linux":
         poll = select.poll()
         poll.register(link, select.POLLRDHUP)
         return bool(poll.poll(0))
     try:
         return link.recv(1, socket.MSG_PEEK) == b""
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, BlockingIOError)
 
 
 def output_closed(error: BaseException) -> bool:
     """Whether an error says that nobody reads our standard output any more."""
-    if sys.platform == "win32":  # which has no broken pipes, but invalid arguments
-        named = getattr(error, "filename", None)
-        return (
-            isinstance(error, OSError) and not named and error.errno in (errno.EPIPE, errno.EINVAL)
-        )
+    if sys.platform == "win32":  # tells of an invalid argument instead
+        closed = isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.EINVAL)
+        return closed and not getattr(error, "filename", None)
     if not isinstance(error, BrokenPipeError):
         return False
     try:
         poll = select.poll()
         poll.register(sys.stdout.fileno(), 0)
-        closed = select.POLLERR | select.POLLNVAL | select.POLLHUP
-        return any(event & closed for _, event in poll.poll(0))
+        return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
     except (OSError, ValueError):
         return True
 
 
 # Signs that our texts have and a console's encoding may lack.
-_NEAR = {"\u2212": "-", "\u2013": "-", "\u207b": "-", "\u2026": "...", "\u221e": "inf"}
-_NEAR |= {"\u201c": '"', "\u201d": '"', "\u00b7": ".", "\u00d7": "x", "\u00b5": "u"}
-_NEAR |= {"\u00b0": " deg", "\u00b1": "+-", "\u2713": "yes", "\u2717": "no"}
+_NEAR = dict(zip("\u2212\u2013\u207b\u201c\u201d\u00b7\u00d7\u00b5", '---"".xu', strict=True))
+_NEAR |= {"\u2026": "...", "\u221e": "inf", "\u00b0": " deg", "\u00b1": "+-"}
 
 
-def nearest_signs(error: UnicodeError) -> tuple[str, int]:
-    """For signs that an encoding lacks: the nearest in ASCII; of other letters the number."""
+def _nearest_signs(error: UnicodeError) -> tuple[str, int]:
+    # In ASCII; of other letters the number, so that a file's name can be made out.
     if not isinstance(error, UnicodeEncodeError):
         raise error
     out = ""
     for sign in error.object[error.start : error.end]:
         digit = unicodedata.digit(sign, None)  # superscripts
-        near = _NEAR.get(sign, "" if digit is None else str(digit))
+        near = _NEAR.get(sign) or ("" if digit is None else str(digit))
         out += near or sign.encode("ascii", "backslashreplace").decode("ascii")
     return out, error.end
 
 
-codecs.register_error("nearest_signs", nearest_signs)
+codecs.register_error("nearest_signs", _nearest_signs)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from esea_gen.errors import UserError
 from esea_gen.files import read_whole, write_whole
-from esea_gen.portability import config_base
+from esea_gen.portability import user_folder
 
 MOST_BYTES = 1 << 20
 _allowed: set[str] = set()
@@ -85,7 +85,7 @@ def trust(hashes: Iterable[str]) -> None:
 
 
 def _file() -> Path:
-    return config_base("esea-host") / "trusted-code"
+    return user_folder("config", "esea-host") / "trusted-code"
 
 
 def _kept() -> set[str]:

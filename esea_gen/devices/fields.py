@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, Field
 
 from esea_gen.devices.numbers import Quantity, Section, Series, number, optional, series, table
 from esea_gen.devices.rubber import Elastomer, Family
-from esea_gen.portability import file_name
+from esea_gen.portability import check_file_name
 
 SCHEMA = 1
 SCHEMA_FILE = "esea-gen.schema.json"
@@ -395,7 +395,7 @@ class DeviceFile(Section):
     """A device file, as written."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
-    name: Annotated[str, AfterValidator(file_name)] = Field(
+    name: Annotated[str, AfterValidator(check_file_name)] = Field(
         pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C."
     )
     title: str = Field(min_length=1, description="One line for reports.")

@@ -27,7 +27,7 @@ from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
-from esea_gen.portability import name_fault
+from esea_gen.portability import check_file_name
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
 
 
@@ -322,8 +322,10 @@ def check_new_name(name: str) -> None:
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
             NAME_RULE,
         )
-    if fault := name_fault(name):
-        raise UserError(f"'{name}' {fault}.", "Give the device, and its folder, another name.")
+    try:
+        check_file_name(name)
+    except ValueError as fault:
+        raise UserError(f"'{name}' {fault}.", "Give the device another name.") from None
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 

@@ -63,7 +63,8 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
                 cwd=folder,
                 env=os.environ | {"PYTHONUTF8": "1", "PYTHONDONTWRITEBYTECODE": "1"},
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
                 check=False,
             )
             if done.returncode != 0:

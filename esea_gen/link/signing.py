@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path
 
 from esea_gen.link.transport import LinkError
-from esea_gen.portability import AT_ONCE, config_base, others_rights, rename_new, sync_folder
+from esea_gen.portability import AT_ONCE, others_rights, rename_new, sync_folder, user_folder
 
 KEY_BYTES = 32
 MOST_FILE_BYTES = 4096
@@ -25,7 +25,7 @@ def new_key() -> bytes:
 
 
 def key_folder() -> Path:
-    return config_base("esea-gen") / "keys"
+    return user_folder("config", "esea-gen") / "keys"
 
 
 def stored_keys(name: str = "") -> list[Path]:

@@ -18,7 +18,7 @@ from esea_gen.portability import TERMINALS, lock_holder, raw_terminal
 
 RECEIVE_CHUNK_BYTES = 1 << 16
 STOP_S = 3.0
-BAUD, LEAST_BAUD, MOST_BAUD = 115_200, 50, 100_000_000
+BAUD, LEAST_BAUD, MOST_BAUD = 115_200, 50, 99_999_999
 SERIAL = "Write one such as serial:COM3:921600 or serial:/dev/ttyACM0:921600."
 
 
@@ -223,11 +223,12 @@ def open_transport(address: str) -> Transport:
 def serial_port(place: str) -> tuple[str, int]:
     """Port and bits a second of ``COM3:921600``, ``/dev/ttyACM0``; PORT as pyserial names it."""
     port, colon, baud = place.rpartition(":")
-    if not colon or "/" in baud:  # by-path names hold colons
-        return place, BAUD
-    if port != port.strip() or not port.strip():
+    digits = baud.isascii() and baud.isdigit()
+    if not colon or (":" in port and not digits):  # names of /dev/serial/by-path hold colons
+        port, baud, digits = place, str(BAUD), True
+    if not port or port != port.strip():
         raise LinkError(f"'{place}' names no serial port", SERIAL)
-    if not (baud.isascii() and baud.isdigit() and LEAST_BAUD <= int(baud) <= MOST_BAUD):
+    if not digits or not LEAST_BAUD <= int(baud[:9]) <= MOST_BAUD:
         what = f"'{baud}' is no rate of a serial port ({LEAST_BAUD} to {MOST_BAUD} baud)"
         raise LinkError(what, SERIAL)
     return port, int(baud)

@@ -132,9 +132,8 @@ class Bench:
         target = self.folder / f"mutants{self.batches}.so"
         private, shared = self._symbols(batch[0][0])
         mutants = _renamed([t for _, t in batch], private + shared)
-        write_texts(
-            self.folder, {"mutants.c": mutants, "choose.c": self._choosing(len(batch), shared)}
-        )
+        texts = {"mutants.c": mutants, "choose.c": self._choosing(len(batch), shared)}
+        write_texts(self.folder, texts)
         others = [o for n, o in self.objects.items() if n != file]
         link = ["-lm"] if self.fmt.needs_libm else []
         if not self._gcc("-shared", "mutants.c", "choose.c", *others, "-o", target.name, *link):

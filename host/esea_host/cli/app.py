@@ -24,6 +24,7 @@ GROUPS = {
         "sim": "live",
         "sim-moteus": "live",
         "bridge": "live",
+        "serve": "live",
         "demo": "view",
         "wrist": "view",
         "pair": "board",
