@@ -1,4 +1,4 @@
-"""A moteus drive behind its driver: every frame against the maker's codec, and the whole sequence."""
+"""A moteus drive behind its driver: frames against the maker's codec, and the whole sequence."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ from moteus import multiplex
 from moteus.protocol import Register, Writer, scale_register
 
 import esea_gen
-from esea_gen.board.moteus import MoteusDrive
 from esea_gen.board.sim import SimBoard
-from esea_gen.emit.states import BOARD_FAULTS, STATES
+from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.targets import firmware_folder
 from esea_host.simulated.moteus import MoteusJoint
 

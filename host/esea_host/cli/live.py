@@ -379,6 +379,7 @@ def sim_moteus(
     seed: Annotated[int, typer.Option("--seed")] = 0,
 ) -> None:
     """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
+    from_extra("moteus", "moteus", "The emulated drive")
     from esea_host.simulated.moteus import MoteusJoint, serve_drive
     from esea_host.simulated.server import Terminal
 
