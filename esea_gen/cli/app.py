@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen import __version__
-from esea_gen.cli.boundary import Shown, run
+from esea_gen.cli.boundary import Shown, by_hand, run
 from esea_gen.cli.groups import GroupedCommands
 from esea_gen.portability import command_line
 
@@ -59,7 +59,9 @@ class Commands(GroupedCommands):
         """Whoever ends it by Ctrl-C is told how to go on."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Exception) as error:
+            if not by_hand(error):
+                raise
             chosen = self.commands.get(ctx.invoked_subcommand)
             resumable = any(p.name == "resume" for p in chosen.params) if chosen else False
             print(f"\nesea-gen: {stopped(sys.argv[1:], resumable)}", file=sys.stderr)

@@ -25,7 +25,7 @@ from esea_gen.twin.hand import (
     hand_variant,
     named_hand,
 )
-from esea_gen.twin.people import random_person
+from esea_gen.twin.people import limb_of, random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
@@ -104,7 +104,8 @@ class SimulatedBoard:
         _known("person", person, PEOPLE_NAMES)
         if person in (EMPTY_JOINT, CLAMPED):
             return EMPTY
-        return random_person(self._seed) if person == "random" else PEOPLE[person]
+        named = random_person(self._seed) if person == "random" else PEOPLE[person]
+        return limb_of(self.device, named)
 
     def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
         device = _with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device

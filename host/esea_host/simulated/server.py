@@ -159,13 +159,17 @@ def serve(
         if port is None and not TERMINALS:
             tell("This system has no pseudo terminals: TCP in place of one.")
             port = 0
+        by = "" if drive.device.shipped and "@" not in device else f" --device {device}"
         if port is None:
             terminal = _Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
+            tell(f"See it: esea-host view pty:{terminal.name}{by}")
             _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
-            tell(f"simulated {named} at tcp:127.0.0.1:{listener.getsockname()[1]}")
+            at = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+            tell(f"simulated {named} at {at}")
+            tell(f"See it: esea-host view {at}{by}")
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from html import escape
 from typing import Any, ClassVar
@@ -22,7 +22,8 @@ from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
-MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 78
+MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 66
+NUMBER_PX = 15  # from number to number of an axis, above each other
 LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
 FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
 LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
@@ -33,6 +34,16 @@ def legend(named: Iterable[tuple[str, str]]) -> str:
     return " &nbsp; ".join(coloured(f"\u2501 {name}", colour) for name, colour in named)
 
 
+def _apart(
+    asked: Callable[..., list[tuple[float, float]]], low: float, high: float, size_px: float
+) -> list[tuple[float, float]]:
+    # Major ticks only, no two numbers on each other.
+    found = asked(low, high, size_px)[:1]
+    while found and found[0][0] * size_px < NUMBER_PX * (high - low):
+        found = [(2 * found[0][0], found[0][1])]
+    return found
+
+
 class PlotPanel:
     """A plot without menus, in the colours of a theme."""
 
@@ -40,10 +51,15 @@ class PlotPanel:
         self.item, self.title, self.bottom, self.left = item, title, bottom, left
         item.setMenuEnabled(False)
         item.hideButtons()
+        upright = item.getAxis("left")
+        upright.tickSpacing = partial(_apart, upright.tickSpacing)
 
     def dress(self, theme: Theme, more: str = "", size: str = "9pt") -> None:
         """Title with what comes after it, labels, axes and grid."""
         self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size=size)
+        # As high as its letters: the curves need the rest.
+        height_px = self.item.titleLabel.itemRect().height()
+        self.item.layout.setRowFixedHeight(0, height_px)
         for side, label in (("bottom", self.bottom), ("left", self.left)):
             axis = self.item.getAxis(side)
             if label or axis.labelText:
