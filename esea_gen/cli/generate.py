@@ -72,7 +72,7 @@ def build(
     if linked:
         out.print(cost_table(loaded.system))
     elif real is None:
-        out.print("no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'")
+        out.print('no MAVLink dialect: it needs pymavlink; pip install "esea-gen[link]"')
     out.next("verify", device, *(("--controller", controller) if controller else ()))
 
 

@@ -23,6 +23,7 @@ GROUPS = {
         "parameters": "live",
         "sim": "live",
         "bridge": "live",
+        "serve": "live",
         "demo": "view",
         "wrist": "view",
         "pair": "board",

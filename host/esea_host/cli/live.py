@@ -19,7 +19,7 @@ from rich.table import Table as Grid
 from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import every_tick
-from esea_gen.errors import UserError, paragraphs
+from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_whole, write_json
 from esea_gen.link.received import shown_lines
 from esea_host.cli.app import app, out, told
@@ -223,6 +223,29 @@ def bridge(
             for outlet in outlets:
                 outlet.close()
         out.print(f"{rows} runs handed on, {gaps} gaps, {queue.dropped_rows} dropped")
+
+
+@app.command()
+def serve(
+    address: AddressArgument,
+    listen: Annotated[str, option("--listen", "IP address of this computer.")] = "127.0.0.1",
+    port: Annotated[int, option("--port", "0: any.", min=0, max=65535)] = 8766,
+    device: DeviceOption = None,
+    key: KeyOption = None,
+    seconds: SecondsOption = None,
+) -> None:
+    """See a board live in a browser, also on a tablet, and stop it there."""
+    from_extra("tornado", "serve", "The browser view")
+    from esea_host.serve import browser_view
+    from esea_host.windows.feed import LiveFeed
+
+    with open_device(address, device, key) as board, ExitStack() as held:
+        feed = LiveFeed(board)
+        held.callback(feed.close)
+        out.print(held.enter_context(browser_view(feed, listen, port)))
+        for _ in _until(seconds, 0.2):
+            if board.receiver.error is not None:
+                raise board.receiver.error
 
 
 @app.command()

@@ -16,7 +16,7 @@ import typer
 
 from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
     AddressArgument,
@@ -35,8 +35,12 @@ from esea_host.connection.address import parse_address
 
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
+    from esea_host.windows.feed import LiveFeed
 
 OPEN_S, FILMED_S = 60.0, 5.0
+ServeOption = Annotated[
+    str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
+]
 
 
 @contextmanager
@@ -54,6 +58,14 @@ def _recorded(
             raise of_file(recording.error, record)
 
 
+def _serve_too(feed: LiveFeed, listen: str | None, held: ExitStack) -> None:
+    if listen is not None:
+        from_extra("tornado", "serve", "The browser view")
+        from esea_host.serve import browser_view
+
+        out.print(held.enter_context(browser_view(feed, listen)))
+
+
 @app.command()
 def view(
     address: AddressArgument,
@@ -63,6 +75,7 @@ def view(
     dark: DarkOption = None,
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
+    serve: ServeOption = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
@@ -73,6 +86,7 @@ def view(
     with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
+        _serve_too(feed, serve, held)
         run_live(feed, dark, seconds, screenshot)
 
 
@@ -112,12 +126,13 @@ def demo(
         str | None, option("--person", "Who is in the joint; default: uncertain.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
+    serve: ServeOption = None,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     device = driven_by(controller, device)
     if not headless:
         who = f"&person={person}" if person else ""
-        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
+        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds, serve)
         return
     from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
     from esea_host.simulated.demo import run_demo
@@ -137,7 +152,9 @@ def demo(
         raise typer.Exit(1)
 
 
-def _watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
+def _watch_demo(
+    address: str, record: Path | None, seconds: float | None, serve: str | None
+) -> None:
     parse_address(address)
     need_a_screen("esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
@@ -148,6 +165,7 @@ def _watch_demo(address: str, record: Path | None, seconds: float | None) -> Non
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
         held.callback(DemoOperator(board).close)
+        _serve_too(feed, serve, held)
         run_live(feed, None, seconds, None, partial(hands_at(board), "push"))
 
 
@@ -203,7 +221,7 @@ def need_a_screen(otherwise: str) -> None:
     """What to use where there is none, or no Qt."""
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
-        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+        raise UserError(f"{missing[0]} is not installed.", 'pip install "esea-gen[host]"')
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
         raise UserError("There is no screen here.", f"Use {otherwise}.")
@@ -216,7 +234,8 @@ def need_a_screen(otherwise: str) -> None:
         tried = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             timeout=OPEN_S,
             check=False,
         )

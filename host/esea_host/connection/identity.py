@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import io
 import json
-import os
 import platform
 import sys
 import zipfile
@@ -23,6 +22,7 @@ from esea_gen.link.messenger import CommandedError
 from esea_gen.link.session import Session
 from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
+from esea_gen.portability import processors
 from esea_gen.targets import BOARDS
 from esea_host.recording.replay import loaded_device
 
@@ -62,7 +62,7 @@ class Identity:
                 "system": platform.system(),
                 "release": platform.release(),
                 "machine": platform.machine(),
-                "processors": os.cpu_count(),
+                "processors": processors(),
                 "python": sys.version.split()[0],
             },
         }
