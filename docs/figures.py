@@ -1,8 +1,8 @@
 """Write the tables of measured figures into the pages: `make figures [TABLES="name ..."]`.
 
-A table is between two marks of its page; `figures.toml` has its commands and columns.  A table with
-unchanged inputs is skipped, a command that has run is not repeated, and an interrupted simulation
-is continued.  `--check` reports blocks that were edited by hand.
+A table, or a figure within a sentence, is between two marks of its page; `figures.toml` has its
+commands and columns.  One with unchanged inputs is skipped, a command that has run is not repeated,
+and an interrupted campaign is continued.  `--check` reports blocks that were edited by hand.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import json
 import re
 import shlex
 import statistics
+import string
 import subprocess
 import sys
 import tomllib
@@ -29,13 +30,15 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 KEPT = ROOT / "out" / "figures"
 BLOCK = re.compile(
-    r"<!-- figures:(?P<name>[\w-]+)(?::(?P<date>[\d-]+):(?P<inputs>\w+):(?P<text>\w+))? -->\n"
+    r"<!-- figures:(?P<name>[\w-]+)(?::(?P<date>[\d-]+):(?P<inputs>\w+):(?P<text>\w+))? -->\n?"
     r"(?P<inner>.*?)<!-- /figures -->",
     re.DOTALL,
 )
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ENDED = ("unstable", "tripped", "fault", "failure")
 WORDS = {"True": "yes", "False": "no", "None": "–"}
+PROGRAMS = {"esea-gen": ["-m", "esea_gen.cli"], "esea-host": ["-m", "esea_host.cli"], "python": []}
+CONTINUED = ("esea-gen simulate", "esea-gen faults")
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,12 @@ class FigureTable:
     rows: str = ""  # path of the entries in a result; `*`: of all keys
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
-    columns: Sequence[FigureColumn] = ()  # without: run by hand
+    columns: Sequence[FigureColumn] = ()
+    text: str = ""  # instead, of one figure: a template for the results, by their place
+
+    @property
+    def by_hand(self) -> bool:
+        return not (self.columns or self.text)
 
 
 @cache
@@ -86,6 +94,24 @@ class Entry(dict[Any, Any]):
         if isinstance(key, int):
             return self[str(key)]
         raise KeyError(key)
+
+
+class Cells(string.Formatter):
+    """`{x:.1f}`, a dash for what is missing; `{x!n}` counts what is true in lists of lists."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        return "None" if value is None else str(super().format_field(value, format_spec))
+
+    def convert_field(self, value: Any, conversion: Any) -> Any:
+        return counted(value) if conversion == "n" else super().convert_field(value, conversion)
+
+
+def counted(value: Any) -> int:
+    return sum(map(counted, value)) if isinstance(value, list) else int(bool(value))
+
+
+def filled(template: str, entry: Mapping[str, Any]) -> str:
+    return Cells().vformat(template, (), entry)
 
 
 def entries(result: Any, path: Sequence[str], key: str = "") -> Iterator[Entry]:
@@ -125,22 +151,25 @@ def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
     every = [(k, e) for k, e in every if fits(e, table.where)]
     label = table.columns[0].show
     rows = []
-    for name in dict.fromkeys(label.format_map(e) for _, e in every):
+    for name in dict.fromkeys(filled(label, e) for _, e in every):
         cells = []
         for c in table.columns:
             mine = [
                 e
                 for k, e in every
-                if label.format_map(e) == name and (not c.of or k in c.of) and fits(e, c.where)
+                if filled(label, e) == name and (not c.of or k in c.of) and fits(e, c.where)
             ]
-            text = errors(mine) if c.show == "median" else c.show.format_map(mine[0])
+            text = errors(mine) if c.show == "median" else filled(c.show, mine[0])
             cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
-        line = f"| {' | '.join(cells)} |"
-        for old, new in table.words.items():
-            line = line.replace(old, new)
-        rows.append(line)
+        rows.append(reworded(f"| {' | '.join(cells)} |", table))
     heads = [c.head for c in table.columns]
     return [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows]
+
+
+def reworded(line: str, table: FigureTable) -> str:
+    for old, new in table.words.items():
+        line = line.replace(old, new)
+    return line
 
 
 # -- running the commands -------------------------------------------------------------------------
@@ -160,7 +189,7 @@ def place_digest(place: str) -> str:
 
 
 def inputs_of(table: FigureTable) -> str:
-    drawn_as = repr((table.rows, table.where, table.words, table.columns))
+    drawn_as = table.text or repr((table.rows, table.where, table.words, table.columns))
     return digest(*map(place_digest, table.inputs), *table.commands, drawn_as)
 
 
@@ -169,8 +198,9 @@ def result_of(command: str, table: FigureTable, jobs: int) -> Any:
     KEPT.mkdir(parents=True, exist_ok=True)
     path = KEPT / f"{digest(*map(place_digest, table.inputs), command)}.json"
     if not path.exists():
-        call = [sys.executable, "-m", "esea_gen.cli", *shlex.split(command)[1:]]
-        if command.startswith("esea-gen simulate"):
+        program, *words = shlex.split(command)
+        call = [sys.executable, *PROGRAMS[program], *words]
+        if command.startswith(CONTINUED):
             call += ["--resume", str(KEPT / "journal"), "--jobs", str(jobs)]
         part = path.with_suffix(".part")
         call += ["--json", str(part)]
@@ -182,7 +212,10 @@ def result_of(command: str, table: FigureTable, jobs: int) -> Any:
 
 
 def computed(table: FigureTable, jobs: int = -1) -> list[str]:
-    return draw(table, [result_of(command, table, jobs) for command in table.commands])
+    found = [result_of(command, table, jobs) for command in table.commands]
+    if table.text:
+        return [reworded(Cells().vformat(table.text, found, {}), table)]
+    return draw(table, found)
 
 
 # -- the pages ------------------------------------------------------------------------------------
@@ -216,12 +249,14 @@ def write(block: FigureBlock, lines: Sequence[str], when: object) -> None:
     table = tables()[block.name]
     one = len(table.commands) == 1
     what = table.commands[0] if one else f"make figures TABLES={table.name}"
-    by_hand = "" if table.columns else ", by hand"
+    by_hand = ", by hand" if table.by_hand else ""
     inner = "\n".join(["", *lines, "", f"*{table.how}{by_hand}; {when}: `{what}`*", "", ""])
+    if table.text:
+        (inner,) = lines
     head = ":".join((block.name, str(when), inputs_of(table), digest(inner)))
     content = block.page.read_text(encoding="utf-8")
     mark = BLOCK.pattern.replace(r"(?P<name>[\w-]+)", f"(?P<name>{block.name})")
-    new = f"<!-- figures:{head} -->\n{inner}<!-- /figures -->"
+    new = f"<!-- figures:{head} -->{'' if table.text else chr(10)}{inner}<!-- /figures -->"
     new = re.sub(mark, lambda _: new, content, flags=re.DOTALL)
     write_whole(block.page, new)
 
@@ -232,7 +267,7 @@ def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
     for name, block in found.items():
         if digest(block.inner) != block.text:
             run = f"make figures TABLES={name}"
-            if name in tables() and not tables()[name].columns:
+            if name in tables() and tables()[name].by_hand:
                 run = f"python docs/figures.py --record {name}"
             yield f"{block.page.name}, {name}: edited by hand; run `{run}`"
 
@@ -277,7 +312,7 @@ def main() -> int:
         block, table = found[name], tables()[name]
         if chosen.record:
             write(block, [x for x in block.inner.splitlines() if x[:1] == "|"], chosen.date)
-        elif not table.columns:
+        elif table.by_hand:
             print(f"{name}: run by hand, {table.cpu_s / 60:.0f} min: {'; '.join(table.commands)}")
         elif block.inputs == inputs_of(table) and digest(block.inner) == block.text:
             print(f"{name}: current")

@@ -302,7 +302,7 @@ def faults(
     device: DeviceArgument,
     runs: Annotated[
         int | None,
-        option("--runs", "Number of faults (2000); with --table seeds a person (20).", min=1),
+        option("--runs", "Number of faults (2000); with --table seeds a cell and law (20).", min=1),
     ] = None,
     table: Annotated[
         str,
@@ -326,7 +326,7 @@ def faults(
 
     The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
     --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
-    With --table each law of --controller (smc,mpc) has its share of the seeds.
+    With --table several laws of --controller (smc,cascade) stand side by side.
     """
     from esea_gen.analysis.campaign import Workers
     from esea_gen.verify.faults.campaign import DEFAULT_RUNS, fault_campaign, with_emulated
@@ -345,6 +345,7 @@ def faults(
                 table,
                 controllers=controller.split(",") if controller else (),
                 seeds=runs or SEEDS,
+                first_seed=seed,
                 workers=Workers(jobs),
                 folder=resume,
                 progress=tell,

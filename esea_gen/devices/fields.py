@@ -8,10 +8,11 @@ import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from esea_gen.devices.numbers import Quantity, Section, Series, number, optional, series, table
 from esea_gen.devices.rubber import Elastomer, Family
+from esea_gen.portability import check_file_name
 
 SCHEMA = 1
 SCHEMA_FILE = "esea-gen.schema.json"
@@ -393,7 +394,9 @@ class DeviceFile(Section):
     """A device file, as written."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
-    name: str = Field(pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C.")
+    name: Annotated[str, AfterValidator(check_file_name)] = Field(
+        pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C."
+    )
     title: str = Field(min_length=1, description="One line for reports.")
     axes: tuple[Annotated[str, Field(pattern=AXIS_PATTERN)], ...] = Field(
         default=(),

@@ -27,6 +27,7 @@ from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
+from esea_gen.portability import check_file_name
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
 
 
@@ -279,6 +280,9 @@ def _stem(key: str) -> str:
     return key
 
 
+NAME_RULE = "Give a lower case letter, then up to 14 lower case letters, digits or underscores."
+
+
 def _fix(problem: Problem) -> str | UserError:
     key, name = problem.key, str(problem.loc[-1])
     row = "correction_rad" in problem.loc or "times_s" in problem.loc
@@ -299,6 +303,8 @@ def _fix(problem: Problem) -> str | UserError:
         if problem.within is Quantity:
             return 'Write { value = 1.0, status = "assumed", source = "why" }.'
         return "Add it; the shipped elbow.toml shows the form."
+    if problem.key == "name":
+        return NAME_RULE
     if problem.loc[0] == "axes":
         return (
             'Axes are written ["flexion", "deviation"]: up to '
@@ -314,8 +320,12 @@ def check_new_name(name: str) -> None:
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
-            "Give a lower case letter, then up to 14 lower case letters, digits or underscores.",
+            NAME_RULE,
         )
+    try:
+        check_file_name(name)
+    except ValueError as fault:
+        raise UserError(f"'{name}' {fault}.", "Give the device another name.") from None
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 

@@ -20,12 +20,11 @@ from esea_gen.emit.states import (
     STATES,
     TIMES_MS,
     follow,
-    state_tables,
     states_header,
 )
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
-from tests.conftest import ROOT, require_tool
+from tests.conftest import require_tool
 from tests.sim_drive import ANGLES, powered_on, zeroed
 
 FFI = cffi.FFI()
@@ -155,12 +154,10 @@ def test_no_way_leads_to_torque_but_arm_and_on(board):
             assert (state.name, event.name) == ("ARMED", "ON")
 
 
-def test_header_and_documentation_are_those_of_the_table(drive):
+def test_the_header_is_that_of_the_table():
     """Written by ``python -m esea_gen.emit.states``."""
     header = (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8")
     assert header == states_header()
-    page = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
-    assert state_tables() in page
 
 
 # -- what it does ----------------------------------------------------------------------------------

@@ -456,7 +456,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     assert "No such file" in str(missing.exception)
     monkeypatch.setitem(sys.modules, "fmpy", None)
     bare = run(app, ["export", "fmu", "elbow", "--block", "velocity"])
-    assert "pip install 'esea-gen[fmu]'" in str(bare.exception)
+    assert 'pip install "esea-gen[fmu]"' in str(bare.exception)
 
 
 @pytest.mark.slow

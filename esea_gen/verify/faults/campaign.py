@@ -24,8 +24,8 @@ from esea_gen.verify.faults.bounds import RUN_OUT, LimbEnvelope, bound_ticks, en
 from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
-from esea_gen.verify.faults.rig import EARLIEST, LATEST, SCENES, FaultScene, rig_of, scene_of
-from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP, SUBJECTS
+from esea_gen.verify.faults.rig import SCENES, FaultScene, drawn_moment, rig_of, scene_of
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, SUBJECTS
 
 DEFAULT_RUNS = 2000
 
@@ -224,15 +224,15 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
     below = driver_faults() if len(device.axes) == 1 else []
     faults = all_faults(device, memory[0], memory[1], seed, runs, below)
     rng = random.Random(seed)
-    # Long before a late fault a limp arm may have swung out of its range.
-    movers = [p for p in SUBJECTS if p not in (LIMP, CLAMPED)]
+    movers = [p for p in SUBJECTS if p != CLAMPED]
     movers = movers if len(device.axes) == 1 else [COMMON]
     cases = []
     for k, f in enumerate(faults):
         scene = rng.choice(SCENES)
         person = rng.choice(movers) if scene.person == COMMON else scene.person
-        at, sign = rng.randrange(EARLIEST, LATEST), rng.choice((1, -1))
-        drawn = {"scene": scene.name, "person": person, "sign": sign, "at": at, "seed": k}
+        at, sign = drawn_moment(rng, person), rng.choice((1, -1))
+        drawn = {"scene": scene.name, "person": person, "sign": sign, "at": at}
+        drawn["seed"] = seed * 100_000 + k
         cases.append(asdict(f) | {"device": origin} | drawn)
     return cases
 

@@ -1,6 +1,6 @@
 """Encoders that are wrong but plausible, and stops of either category, felt by everybody.
 
-Of a seed come plant, moment, desired torque (both signs), motion and law; the same for every row.
+A seed decides plant, moment, desired torque (both signs) and motion, alike for every row and law.
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ from esea_gen.errors import UserError
 from esea_gen.verify.faults.campaign import felt_in, loaded
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import (
-    EARLIEST,
     IMPEDANCE,
-    LATEST,
     OPERATOR,
     REACTS,
     STOP_LINE,
     TORQUE,
     FaultScene,
+    drawn_moment,
 )
-from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP, MOST_NM, SUBJECTS
+from esea_gen.verify.faults.subjects import CLAMPED, LIMP, MOST_NM, SUBJECTS
 
 SEEDS = 20
 ENCODERS, STOPS = "encoders", "stops"
+ANY = "any of these"  # the row of all faults
 # Ticks after a fault; after it was found; after a stop has switched the motor off.
 WATCHED, RUN_OUT, STOP_WATCHED = 3000, 100, 1500
-FEW = (LIMP, COMMON, "60 Nm/rad", "250 Nm/rad", CLAMPED)
 SIDES = ("load", "motor", "both", "gear")
 # Rad, rad/s, and what a gain multiplies.
 FAULTS = (
@@ -51,6 +50,7 @@ FAULTS = (
 )
 KINDS = {"slip": "jump", "drift": "ramp"}  # what the rig calls them, by shares of a turn
 Column = tuple[str, str]  # of the table: a row's name and a column's
+Run = tuple[str, str, Mapping[str, float]]  # column, law, what was felt
 
 
 def board_fault(text: str, gear_ratio: float) -> BoardFault:
@@ -78,7 +78,7 @@ def felt_by(
     ticks: Sequence[int],
 ) -> dict[str, float]:
     """One run, as the workers call it."""
-    at = random.Random(seed).randrange(EARLIEST, LATEST)
+    at = drawn_moment(random.Random(seed), person)
     scene = drawn_scene(person, seed, halts)
     return felt_in(loaded(device, controller), scene, BoardFault(**fault), at, seed, ticks)
 
@@ -90,7 +90,7 @@ def _encoder_cases(device: Device) -> dict[Column, dict[str, Any]]:
     return {
         (text, person): {"fault": asdict(board_fault(text, ratio)), "person": person} | how
         for text in FAULTS
-        for person in FEW
+        for person in SUBJECTS
     }
 
 
@@ -109,23 +109,30 @@ def _stop_cases(_: Device) -> dict[Column, dict[str, Any]]:
     }
 
 
-def _row(name: str, key: str, parts: Mapping[str, list[Mapping[str, float]]]) -> dict[str, Any]:
-    every = [v for values in parts.values() for v in values]
-    found = [int(v["found_ticks"]) for v in every if v["found_ticks"] >= 0]
-    lost = [v["torque_then_Nm"] for v in every if v["found_ticks"] < 0]
+def _row(name: str, key: str, runs: Sequence[Run]) -> dict[str, Any]:
+    torque_Nm: dict[str, dict[str, float]] = {}
+    laws = dict.fromkeys(law for _, law, _ in runs)
+    for column, law, v in runs:
+        of = torque_Nm.setdefault(column, {})
+        of[law] = max(v[key], of.get(law, 0.0))
+    found = [int(v["found_ticks"]) for *_, v in runs if v["found_ticks"] >= 0]
+    lost = [(v["torque_then_Nm"], column, law) for column, law, v in runs if v["found_ticks"] < 0]
+    unfound_Nm, *whose = max(lost, default=(None,))
     return {
         "name": name,
-        "found": f"{len(found)} of {len(every)}",
+        "found": f"{len(found)} of {len(runs)}",
         "latest_ticks": max(found, default=None),
-        "torque_Nm": {column: max(v[key] for v in values) for column, values in parts.items()},
-        "unfound_Nm": max(lost, default=None),
-        "energy_J": max(v["energy_J"] for v in every),
+        "torque_Nm": torque_Nm,
+        "most_Nm": {law: max(of[law] for of in torque_Nm.values()) for law in laws},
+        "unfound_Nm": unfound_Nm,
+        "unfound_by": ", ".join(map(str, whose)),
+        "energy_J": max(v["energy_J"] for *_, v in runs),
     }
 
 
 @dataclass(frozen=True)
 class PeopleTable:
-    """The largest torque on the limb, by person; simulated, worst first."""
+    """The largest torque on the limb, by person and law; simulated, worst first."""
 
     device: str
     controllers: list[str]
@@ -140,12 +147,13 @@ class PeopleTable:
         heads = ["", *self.people[0]["torque_Nm"], *titles]
         lines = [heads, ["---"] * len(heads)]
         for row in self.people:
-            cells = [*row["torque_Nm"].values(), *(row[k] for k in more)]
+            felt = [" / ".join(f"{x:.1f}" for x in of.values()) for of in row["torque_Nm"].values()]
+            cells = [row[k] for k in more]
             shown = [f"{x:.1f}" if isinstance(x, float) else str(x or "–") for x in cells]
-            lines.append([row["name"], *shown])
-        said = f"{self.device}, {', '.join(self.controllers)}, simulated: largest torque in Nm, "
+            lines.append([row["name"], *felt, *shown])
+        said = f"{self.device}, {' / '.join(self.controllers)}, simulated: largest torque in Nm, "
         return ["| " + " | ".join(line) + " |" for line in lines] + [
-            f"{said}{self.seeds} seeds a row and person."
+            f"{said}{self.seeds} seeds a row, person and law."
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -158,11 +166,12 @@ def people_table(
     *,
     controllers: Sequence[str] = (),
     seeds: int = SEEDS,
+    first_seed: int = 0,
     workers: Workers | int = 1,
     folder: Path | None = None,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> PeopleTable:
-    """Run :data:`ENCODERS` or :data:`STOPS`; of several laws each has its share of the seeds."""
+    """Run :data:`ENCODERS` or :data:`STOPS`, each law with every seed."""
     laws = list(controllers) or [""]
     devices = [loaded(origin, law) for law in laws]
     device = devices[0]
@@ -176,7 +185,8 @@ def people_table(
     done = run_cases(
         felt_by,
         [
-            {"device": origin, "controller": laws[k % len(laws)], "seed": k} | case
+            {"device": origin, "controller": law, "seed": first_seed + k} | case
+            for law in laws  # first: a worker's rig is of one law
             for k in range(seeds)
             for case in made.values()
         ],
@@ -185,13 +195,17 @@ def people_table(
         workers=workers,
         progress=progress,
     )
-    rows: dict[str, dict[str, list[Mapping[str, float]]]] = {}
+    names = [n or "its law" for n in laws]
+    rows: dict[str, list[Run]] = {}
     for k, result in enumerate(done.results):
         if result.values is None:
             raise UserError(f"{result.case}: {result.failure}", "See the message.")
         row, column = list(made)[k % len(made)]
-        rows.setdefault(row, {}).setdefault(column, []).append(result.values)
+        law = names[k // (seeds * len(made))]
+        rows.setdefault(row, []).append((column, law, result.values))
     key = "torque_then_Nm" if what == ENCODERS else "peak_torque_Nm"
-    people = [_row(name, key, parts) for name, parts in rows.items()]
-    people.sort(key=lambda r: -max(r["torque_Nm"].values()))
-    return PeopleTable(device.name, [n or "its law" for n in laws], seeds, what, people)
+    if what == ENCODERS:
+        rows = {ANY: [run for of in rows.values() for run in of]} | rows
+    people = [_row(name, key, runs) for name, runs in rows.items()]
+    people.sort(key=lambda r: -max(r["most_Nm"].values()))
+    return PeopleTable(device.name, names, seeds, what, people)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -20,11 +21,19 @@ from esea_gen.twin.hand import SteppedHand, hand_variant
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.stepped import SteppedPlant
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
-from esea_gen.verify.faults.subjects import CLAMPED, COMMON, MOST_NM, StretchReflex, subject_of
+from esea_gen.verify.faults.subjects import (
+    CLAMPED,
+    COMMON,
+    LIMP,
+    MOST_NM,
+    StretchReflex,
+    subject_of,
+)
 
 WANTED_EVERY = 10  # ticks from one of the host's commands to the next
 ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264
 EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
+LIMP_LATEST = 1200  # later on a limp arm may have swung out of its range
 AFTER = 800  # ticks
 TORQUE, IMPEDANCE = 1.0, 2.0
 STOP_LINE, OPERATOR = "stop line", "operator"  # who stops: category 0, category 1
@@ -58,6 +67,10 @@ def scene_of(case: Mapping[str, Any]) -> FaultScene:
     base = next(s for s in SCENES if s.name == case["scene"])
     torque_Nm = case["sign"] * MOST_NM.get(case["person"], base.torque_Nm)
     return replace(base, person=case["person"], torque_Nm=torque_Nm if base.torque_Nm else 0.0)
+
+
+def drawn_moment(draw: random.Random, person: str) -> int:
+    return draw.randrange(EARLIEST, LIMP_LATEST if person == LIMP else LATEST)
 
 
 def desired_Nm(scene: FaultScene, t_s: float) -> float:
