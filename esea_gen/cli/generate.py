@@ -26,7 +26,8 @@ GENERATED = Path("generated")
 
 
 def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
-    from esea_gen.emit.build import DEFAULT_FORMATS, device_formats, render_device
+    from esea_gen.emit.build import device_formats, render_device
+    from esea_gen.emit.formats import DEFAULT_FORMATS
     from esea_gen.emit.dialect import render_dialect
     from esea_gen.emit.formats import FORMATS
 
