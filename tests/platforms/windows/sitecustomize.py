@@ -25,8 +25,7 @@ flock, real_import, getter = fcntl.flock, builtins.__import__, ModuleType.__geta
 
 
 def ours() -> bool:
-    caller = inspect.currentframe().f_back.f_back
-    name = caller.f_globals.get("__name__") or ""
+    name = inspect.currentframe().f_back.f_back.f_globals.get("__name__") or ""
     return name.partition(".")[0] in ("esea_gen", "esea_host")
 
 
