@@ -1,4 +1,5 @@
-# Two commands do all their own set-up: `make run` (the main job) and `make test`.
+# Three commands do all their own set-up: `make demo` (a simulated drive in a window), `make run`
+# (the main job) and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
 OUT := out
@@ -9,7 +10,11 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search fuzz docs figures bench test-ci test-platforms test-slow proof style check setup setup-run clean
+.PHONY: demo run test search fuzz docs figures bench test-ci test-platforms test-slow proof style check setup setup-run clean
+
+demo:
+	@sh .ci/setup "$(PYTHON)" demo
+	@$(BIN)/esea-host demo
 
 run: setup-run
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow

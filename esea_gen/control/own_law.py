@@ -48,7 +48,8 @@ def outside_law(text: str, folder: Path | None = None, content: bytes | None = N
     code = TaskCode.of(path, content)
     if folder is not None:
         must_be_trusted([code], "type: esea-gen")
-    allow([code.sha256])  # named on the command line, or trusted: by this process when met again
+    else:  # named on the command line; to be met again in what this process records
+        allow([code.sha256])
     return _law(path, content, name, code.sha256)
 
 

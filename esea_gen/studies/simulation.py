@@ -102,13 +102,15 @@ class ClosedLoopStudy(Study):
         s, runs = done.setting, len(done.seeds)
         off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
         heads = ["RMS true", "RMS model", "max true", "thesis", "limited", *ROUGH_HEADS]
+        width = max(32, *(1 + len(name) for name in done.by_case()))
         lines = [
             f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
             f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
-            f"{'case':32}" + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
+            f"{'case':{width}}"
+            + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
         ]
         for name, entries in done.by_case().items():
-            lines += _case_lines(name, entries, self.normalised)
+            lines += _case_lines(f"{name:{width}}", entries, self.normalised)
         full = controller_device(s.controller).tau_full_scale_Nm
         asked = max(float(np.max(np.abs(c.trajectory.tau_desired_Nm))) for c in self.cases_run())
         if asked > 1.001 * full:
@@ -199,7 +201,7 @@ def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> l
     reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
     latched = sorted({int(e["fault_reason"]) for e in entries if e.get("fault_reason")})
     return [
-        f"{name:32}{row}  {said}".rstrip(),
+        f"{name}{row}  {said}".rstrip(),
         *(f"  latched: {Fault(n).name}, {FAULT_TEXT[Fault(n)]}" for n in latched),
         *(f"  failed: {reason}" for reason in reasons),
     ]

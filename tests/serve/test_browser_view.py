@@ -138,7 +138,7 @@ def asked(url, *messages, **headers):
             line = await websocket_connect(HTTPRequest(address, headers=headers))
         except HTTPClientError as error:
             return error.code
-        for message in messages:
+        for message in (*messages, "end"):
             line.write_message(message)
         while await line.read_message() is not None:
             pass
@@ -158,7 +158,7 @@ def test_who_is_refused_stops_nothing(feed, url, monkeypatch):
     assert asked(url, "arm") == asked(url, b"\0") == asked(url, "drawn", "drawn") == 1008
     assert asked(url, "stop" * 100) in (1006, 1009)
     assert stops == []
-    assert asked(url, "stop", "end", Origin=url.partition("/#")[0]) == 1008
+    assert asked(url, "stop", Origin=url.partition("/#")[0]) == 1008
     assert stops == [1]
 
 

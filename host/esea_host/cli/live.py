@@ -367,5 +367,32 @@ def sim(
         return
 
 
+@app.command("sim-moteus")
+def sim_moteus(
+    device: Annotated[
+        str, typer.Argument(help="With one motor, such as elbow_drive.")
+    ] = BEST_DRIVE,
+    person: Annotated[
+        str, option("--person", "Who is in the joint; nobody, or none: its output is clamped.")
+    ] = "nobody",
+    plant: Annotated[str, option("--plant", "ideal, real or random.")] = "real",
+    seed: Annotated[int, typer.Option("--seed")] = 0,
+) -> None:
+    """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
+    from_extra("moteus", "moteus", "The emulated drive")
+    from esea_host.simulated.moteus import MoteusJoint, serve_drive
+    from esea_host.simulated.server import Terminal
+
+    line = Terminal()
+    joint = MoteusJoint(device, plant, person, seed)
+    _tell(f"simulated moteus of {device} at serial:{line.name}")
+    try:
+        serve_drive(joint, line, lambda: False)
+    except KeyboardInterrupt:
+        return
+    finally:
+        line.close()
+
+
 def _tell(text: str) -> None:
     print(text, flush=True)

@@ -107,7 +107,7 @@ class _Guests:
             self._let_go(place)
 
 
-class _Terminal:
+class Terminal:
     def __init__(self) -> None:
         self._ours, self._theirs, self.name = raw_terminal_pair()
 
@@ -161,7 +161,7 @@ def serve(
             port = 0
         by = "" if drive.device.shipped and "@" not in device else f" --device {device}"
         if port is None:
-            terminal = _Terminal()
+            terminal = Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
             tell(f"See it: esea-host view pty:{terminal.name}{by}")
             _play(drive, terminal, speed, Hands(hands))
@@ -263,7 +263,7 @@ def serve_hosts(
 
 def _play(
     drive: SimulatedBoard,
-    line: _Socket | _Terminal,
+    line: _Socket | Terminal,
     speed: float,
     hands: Hands | None,
     attend: Callable[[], None] = lambda: None,
