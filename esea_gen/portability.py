@@ -7,9 +7,11 @@ import errno
 import os
 import re
 import select
+import shlex
 import signal
 import socket
 import stat
+import subprocess
 import sys
 import tempfile
 import time
@@ -33,20 +35,17 @@ def user_folder(kind: str, program: str) -> Path:
 
 BINARY = getattr(os, "O_BINARY", 0)  # else Windows changes the ends of lines
 AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a named pipe would never answer
+path_limit = getattr(os, "pathconf", lambda *_: 255)  # of a folder, by name
 PATIENCE_S = 2.0  # for a virus scanner or an indexer that looks at a new file
 _LOCKED_BYTE = 1 << 30  # far behind the text: Windows lets nobody read a locked byte
 _TAKEN = {errno.EACCES, errno.EAGAIN, getattr(errno, "EDEADLOCK", errno.EAGAIN)}
-_DEVICE = re.compile(r"(?i)(con|prn|aux|nul|(com|lpt)[1-9\u00b9\u00b2\u00b3])( *\..*)?")
+_DEVICE = re.compile(r"(?i)(con|prn|aux|nul|(com|lpt)[1-9])(\..*)?")
 
 
 def check_file_name(name: str) -> str:
-    """Return a name that a file can have on every system; else ValueError with the reason."""
-    if _DEVICE.fullmatch(name.rstrip(" ")):
+    """Return a word that a file can be called on every system; else ValueError."""
+    if _DEVICE.fullmatch(name):
         raise ValueError("is the name of a device on Windows")
-    if bad := sorted({c for c in name if c in '<>:"/\\|?*' or c < " "}):
-        raise ValueError(f"holds {' '.join(map(repr, bad))}, which Windows has in no file name")
-    if name.endswith((".", " ")):
-        raise ValueError("ends in a dot or a space, which Windows drops")
     return name
 
 
@@ -128,13 +127,6 @@ def others_rights(about: os.stat_result) -> tuple[int, int]:
     return owner, stat.S_IMODE(about.st_mode) & 0o077
 
 
-def longest_name(folder: Path) -> int:
-    """How long a file's name may be there, in bytes."""
-    if sys.platform == "win32":
-        return 255
-    return os.pathconf(folder, "PC_NAME_MAX")
-
-
 # -- processes and terminals -----------------------------------------------------------------------
 
 CAN_FORK = TERMINALS = sys.platform != "win32"
@@ -148,6 +140,11 @@ def processors() -> int:
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def command_line(*words: str) -> str:
+    """Words as a person types them into this system's shell."""
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
 
 def limit_memory(most_bytes: int) -> None:

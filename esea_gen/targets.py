@@ -211,6 +211,15 @@ BOARDS = {
             link=_SANITIZED,
         ),
         Board(
+            "linux",
+            "this computer, a program with a moteus drive",
+            PROCESSORS["host"],
+            "",
+            family="linux",
+            app_flags=("-D_GNU_SOURCE",),
+            link=(),
+        ),
+        Board(
             "myrio",
             "NI myRIO class, Cortex-A9 with Linux",
             PROCESSORS["cortex-a9"],

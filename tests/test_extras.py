@@ -73,6 +73,13 @@ def test_the_host_tool_names_its_extra(tmp_path):
     assert f'needs mcap, which is not installed. {INSTALL}[host]"' in said
 
 
+def test_the_browser_view_names_its_extra(tmp_path):
+    words = "serve", "tcp:127.0.0.1:1"
+    code, said = without(("tornado",), *words, cwd=tmp_path, program="esea_host")
+    assert code == 2
+    assert f'needs tornado, which is not installed. {INSTALL}[serve]"' in said
+
+
 def test_every_package_of_an_extra_is_out_of_the_core():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     core = " ".join(project["dependencies"])

@@ -246,7 +246,10 @@ def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
     defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
     if device.file.actuator is not None:
-        defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
+        motor = device.file.actuator
+        defined.append(f"-DESEA_GEAR_BITS={int(motor.encoder_bits.value)}u")
+        most = {"GEAR_RATIO": motor.gear_ratio.value, "MOTOR_MOST_NM": motor.u_max_Nm.value}
+        defined += [f"-DESEA_{name}={value!r}f" for name, value in most.items()]
     return defined
 
 

@@ -124,7 +124,7 @@ def _told(program: str, error: BaseException) -> int:
             return error.code or 0
         _print(f"{program}: {error.code}")
         return REFUSED
-    if isinstance(error, KeyboardInterrupt):
+    if by_hand(error):
         _print(f"{program}: stopped. What was written before is complete.")
         return INTERRUPTED
     if output_closed(error):
@@ -138,6 +138,13 @@ def _told(program: str, error: BaseException) -> int:
         return FAULT
     _print(f"{program}: {said}")
     return REFUSED
+
+
+def by_hand(error: BaseException | None) -> bool:
+    """Whether Ctrl+C is behind an error: a library that is being loaded makes it its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
+    return error is not None
 
 
 def explained(error: BaseException) -> str | None:

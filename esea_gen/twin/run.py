@@ -23,7 +23,14 @@ from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.off import deviation, refuse_unknown
-from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
+from esea_gen.twin.people import (
+    PlantVariant,
+    ideal_plant,
+    limb_of,
+    random_person,
+    random_plant,
+    real_plant,
+)
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 from esea_gen.twin.weighing import INSTANCE, found_by, weighing_case
@@ -54,7 +61,8 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
     made = _stepped(device, made)
     if person == "none":
         return made.having(PEOPLE["none"], clamped=1.0)
-    return made.having(random_person(seed) if person == "random" else PEOPLE[person])
+    named = random_person(seed) if person == "random" else PEOPLE[person]
+    return made.having(limb_of(device, named))
 
 
 @lru_cache(maxsize=8)

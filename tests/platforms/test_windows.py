@@ -53,7 +53,7 @@ def test_what_windows_lacks_is_missing(fault):
         assert run.returncode == code
 
 
-@pytest.mark.parametrize("system", ["win32", "darwin"])
+@pytest.mark.parametrize("system", ["win32", pytest.param("darwin", marks=pytest.mark.slow)])
 def test_every_call_is_there_on_other_systems(system):
     command = [sys.executable, "-m", "mypy", "--platform", system]
     cache = ("--cache-dir", f".mypy_cache/{system}")

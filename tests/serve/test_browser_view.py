@@ -63,7 +63,9 @@ def seen(tab, name):
 
 
 @pytest.mark.parametrize("key", [" ", "Escape", "F12", "touch"])
-def test_stop_reaches_the_board_and_only_the_board_confirms_it(feed, url, tab, key):
+def test_stop_reaches_the_board_and_only_the_board_confirms_it(feed, url, tab, key, monkeypatch):
+    stops = []
+    monkeypatch.setattr(feed, "stop", lambda: stops.append(LiveFeed.stop(feed)))
     assert tab.opened(url, 1024, "light") == []
     until(lambda: seen(tab, "state") == "UNREFERENCED")
     assert not tab.evaluate("page.badge.hidden")
@@ -76,7 +78,7 @@ def test_stop_reaches_the_board_and_only_the_board_confirms_it(feed, url, tab, k
     until(lambda: "has not confirmed" in seen(tab, "alarm"))
     assert "physical stop" in seen(tab, "alarm")
     until(lambda: goes_on(feed) or "board has stopped" in seen(tab, "stop"))
-    assert (seen(tab, "state"), seen(tab, "alarm")) == ("STOPPED", "")
+    assert (seen(tab, "state"), seen(tab, "alarm"), len(stops)) == ("STOPPED", "", 1)
     assert "in the browser at 127.0.0.1" in seen(tab, "said")
 
 
@@ -136,7 +138,7 @@ def asked(url, *messages, **headers):
             line = await websocket_connect(HTTPRequest(address, headers=headers))
         except HTTPClientError as error:
             return error.code
-        for message in messages:
+        for message in (*messages, "end"):
             line.write_message(message)
         while await line.read_message() is not None:
             pass
@@ -156,7 +158,7 @@ def test_who_is_refused_stops_nothing(feed, url, monkeypatch):
     assert asked(url, "arm") == asked(url, b"\0") == asked(url, "drawn", "drawn") == 1008
     assert asked(url, "stop" * 100) in (1006, 1009)
     assert stops == []
-    assert asked(url, "stop", "end", Origin=url.partition("/#")[0]) == 1008
+    assert asked(url, "stop", Origin=url.partition("/#")[0]) == 1008
     assert stops == [1]
 
 

@@ -22,6 +22,7 @@ GROUPS = {
         "zero": "live",
         "parameters": "live",
         "sim": "live",
+        "sim-moteus": "live",
         "bridge": "live",
         "serve": "live",
         "demo": "view",

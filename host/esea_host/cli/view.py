@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.errors import UserError, from_extra
 from esea_host.cli.app import app, out
@@ -26,6 +26,7 @@ from esea_host.cli.options import (
     KeyOption,
     RecordOption,
     ScreenshotOption,
+    driven_by,
     of_file,
     output_file,
 )
@@ -110,6 +111,7 @@ def watch_recording(
 @app.command()
 def demo(
     device: Annotated[str, option("--device", "Without a window one with a drive.")] = BEST_DRIVE,
+    controller: ControllerOption = None,
     headless: Annotated[bool, option("--headless", "Without a window.")] = False,
     seconds: Annotated[
         float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
@@ -127,6 +129,7 @@ def demo(
     serve: ServeOption = None,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
+    device = driven_by(controller, device)
     if not headless:
         who = f"&person={person}" if person else ""
         _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds, serve)

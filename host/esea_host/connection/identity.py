@@ -51,6 +51,7 @@ class Identity:
         """For the record: what ran, on what, seen from where."""
         return {
             "device": self.device.name,
+            "controller": ",".join(Path(n).name for n in self.device.controller.split(",")),
             "content_hash": self.content_hash,
             "real": self.real,
             "board": self.board,
@@ -70,6 +71,7 @@ class Identity:
         """What a recording must carry to be understood, and computed again, on its own."""
         device = self.device
         text, _ = read_file(device.name if device.shipped else device.given[0])
+        text = device.toml() if device.controller else text  # with what the controller gives
         dialect, sources = _rendered(device, self.real)
         return {
             "facts.json": json.dumps(self.facts(), indent=1).encode(),

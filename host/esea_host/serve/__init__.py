@@ -22,7 +22,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import plain
 from esea_host.windows import theme
 from esea_host.windows.feed import Floats, LiveFeed, Stretch, board_alarms, link_text
-from esea_host.windows.meanings import ROLES, state_text
+from esea_host.windows.meanings import MOTOR_OFF, ROLES, state_text
 from esea_host.windows.signals import LIT_S, READOUTS, AxisColumns, ShownSignal
 
 PORT, MOST_BROWSERS = 8766, 8
@@ -84,7 +84,8 @@ class BrowserView:
         self.key, self.names = secrets.token_urlsafe(16).encode(), set[str]()
         self.browsers = set[_Live]()
         axes = [(axis, f"{axis} ".lstrip()) for axis in self.columns.axes]
-        self._flags = [(x, s, f) for a, x in axes for s, f in self.columns.flags(a)]
+        flags = ((x, s, f) for a, x in axes for s, f in self.columns.flags(a))
+        self._flags = [flag for flag in flags if flag[2].name != MOTOR_OFF]
         panels = ((x, *p) for a, x in axes for p in self.columns.panels(a))
         shown = [(f"{x}{h[0]} [{h[1]}]", h[1], own) for x, h, own in panels if h[0] in READOUTS]
         self._signals = [s for *_, signals in shown for s in signals]
@@ -105,6 +106,7 @@ class BrowserView:
         back_s = max(now_s - first * self._bin_s, LIT_S)
         rows = {n: r.last(int(back_s / feed.period_s[n]) + 2) for n, r in feed.rings.items()}
         lit = {n: s.between(now_s - LIT_S, now_s) for n, s in rows.items()}
+        acting = [] if feed.silent else self._flags
         word, _, rest = feed.news.state.partition(": ")
         told = {
             "head": self._head if last < 0 else None,
@@ -114,7 +116,7 @@ class BrowserView:
             "silent": feed.silent,
             "alarms": board_alarms(feed),
             "said": [link_text(feed), feed.news.said],
-            "acting": [x + f.name for x, s, f in self._flags if f.held(lit[s].rows).any()],
+            "acting": [x + f.name for x, s, f in acting if f.held(lit[s].rows).any()],
             "x": np.round((first + np.arange(2 * count) / 2 + 0.25) * self._bin_s, 4),
             "y": [self._ends(s, rows[s.stream], first, count) for s in self._signals],
         }

@@ -107,7 +107,7 @@ class _Guests:
             self._let_go(place)
 
 
-class _Terminal:
+class Terminal:
     def __init__(self) -> None:
         self._ours, self._theirs, self.name = raw_terminal_pair()
 
@@ -159,13 +159,17 @@ def serve(
         if port is None and not TERMINALS:
             tell("This system has no pseudo terminals: TCP in place of one.")
             port = 0
+        by = "" if drive.device.shipped and "@" not in device else f" --device {device}"
         if port is None:
-            terminal = _Terminal()
+            terminal = Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
+            tell(f"See it: esea-host view pty:{terminal.name}{by}")
             _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
-            tell(f"simulated {named} at tcp:127.0.0.1:{listener.getsockname()[1]}")
+            at = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+            tell(f"simulated {named} at {at}")
+            tell(f"See it: esea-host view {at}{by}")
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
@@ -259,7 +263,7 @@ def serve_hosts(
 
 def _play(
     drive: SimulatedBoard,
-    line: _Socket | _Terminal,
+    line: _Socket | Terminal,
     speed: float,
     hands: Hands | None,
     attend: Callable[[], None] = lambda: None,

@@ -70,8 +70,8 @@ DARK = Theme(
     *("#56b4e9", "#f0a04b", "#e08cc0", "#ff6b5e", "#3fc79a"),
     ("#3fc79a", "#e08cc0", "#56b4e9", "#f0a04b", "#b3a6ff", "#e6df5a", "#e4e9ee", "#62d6e8"),
 )
-# White letters on it: 4.5 to 1.
-BANNER_GROUND = "#9a4b00"
+# White letters on it: 8.5 to 1; the participant sees it, too.
+BANNER_GROUND = "#7a3b00"
 BANNER_STYLE = (
     f"background: {BANNER_GROUND}; color: white; font-weight: bold; padding: 2px 8px;"
     " border-radius: 3px"

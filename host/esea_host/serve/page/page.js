@@ -25,10 +25,7 @@ function connect() {
     take(JSON.parse(event.data));
     socket.send("drawn");  // one picture at a time is on its way, so none is shown too late
   };
-  socket.onclose = event => {
-    why = event.reason || why;
-    show();
-  };
+  socket.onclose = event => { why = event.reason || why; show(); };
   tried = performance.now();
 }
 
@@ -98,7 +95,7 @@ function draw() {
     }
   }
   page.acting.replaceChildren();
-  news.acting.forEach(name => { add("span", page.acting, name).dataset.role = "caution"; });
+  for (const name of news.acting) add("span", page.acting, name).dataset.role = "caution";
 }
 
 function show() {
@@ -110,7 +107,7 @@ function show() {
     alarms.unshift("To stop the motor, press the physical stop.");
   }
   if (!here) {
-    const since = new Date(Date.now() - age()).toLocaleTimeString();
+    const since = new Date(Date.now() - age()).toTimeString().slice(0, 8);
     const old = ` since ${since}: what is shown is ${Math.floor(age() / 1000)} s old`;
     alarms.push(`No connection to esea-host${news ? old : ""}. ${why}`);
   }
@@ -119,7 +116,7 @@ function show() {
   document.body.classList.toggle("old", !here || news.silent);
   put(page.state, here ? news.state : "NO CONNECTION");
   page.state.dataset.role = here ? news.role : "alarm";
-  put(page.words, here ? news.words : "");
+  put(page.words, here && !news.silent ? news.words : "");
   put(page.said, here ? news.said.filter(Boolean).join("  |  ") : "");
   page.badge.hidden = !head?.simulated;
   put(page.who, head?.who ?? "");

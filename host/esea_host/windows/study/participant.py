@@ -51,7 +51,9 @@ class ParticipantWindow(SceneView):
             self.showFullScreen()
             self.setCursor(Qt.CursorShape.BlankCursor)
         else:
-            self.show()
+            self.showNormal()
+            self.unsetCursor()
+            self.move(max(0, primary.geometry().right() - self.width()), 0)
         size_px = [self.width(), self.height()]
         self.frames.facts = {"patch": self.patch, "language": self.words.language}
         self.frames.facts["size_px"] = size_px
