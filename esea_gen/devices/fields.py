@@ -385,13 +385,12 @@ ADAPTATION_STOP_NM = 0.8
 
 
 class Adaptation(Section):
-    """How far the wish may be adapted to a rubber that is not its model, and how fast."""
+    """How far the wish may be adapted to a rubber that is not its model."""
 
     scale_least: Quantity = number(0.5, 0.99, "Softest rubber: true torque over the model's.")
     scale_most: Quantity = number(1.01, 2, "Stiffest rubber: true torque over the model's.")
     loss_most: Quantity = number(0.01, 1, "Largest share of the stop operator of the loss.")
     offset_Nm: Quantity = number(0.01, 10, "Largest offset.")
-    rate_1_s: Quantity = number(0, 5, "How fast is learnt from a known torque of 1 Nm.")
 
 
 class DeviceFile(Section):
@@ -459,7 +458,7 @@ class DeviceFile(Section):
         "share of its life that is used is not known."
     )
     adaptation: Adaptation | None = table(
-        "Adaptation of the wish to the rubber at hand, learnt with a known mass; left "
+        "Adaptation of the wish to the rubber at hand, by two known masses; left "
         "out, a rubber that is off is not noticed."
     )
 

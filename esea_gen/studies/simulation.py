@@ -52,7 +52,6 @@ from esea_gen.twin.run import (
     PLANT_NAMES,
     axis_of,
     compiled_loop,
-    refuse_unadapted,
     run_case,
 )
 from esea_gen.twin.trajectories import RATE_HZ
@@ -135,7 +134,7 @@ class ClosedLoopStudy(Study):
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
         """The setting, ``cases``, and percentiles by case where there are several seeds."""
-        s, names = done.setting, ("controller", "plant", "off", "adapted", "axis")
+        s, names = done.setting, ("controller", "plant", "off", "axis")
         content: dict[str, Any] = {
             "experiment": done.study.name,
             "title": done.study.title,
@@ -249,8 +248,7 @@ class Simulation:
 
     @property
     def more(self) -> str:
-        axis = f", {self.setting.axis}" if self.setting.axis else ""
-        return axis + (", adapted" if self.setting.adapted else "")
+        return f", {self.setting.axis}" if self.setting.axis else ""
 
     def cases(self) -> list[dict[str, Any]]:
         entries = []
@@ -380,7 +378,6 @@ def simulate(
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
     device = controller_device(s.controller)
     chosen = chosen.of(device)
-    refuse_unadapted(device, s)
     s = replace(s, axis=axis_of(device, s))
     if s.fault:
         _check_time(chosen, s.fault)

@@ -77,5 +77,4 @@ class Setting:
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fault: str = ""  # of an encoder, as ``--fault`` takes it
     off: str = "none"  # family of what differs from the model
-    adapted: bool = False  # to the rubber before, with a known mass
     axis: str = ""
