@@ -20,8 +20,13 @@ def cache_folder() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
-        return Path(_scratch().name)
+        return Path(scratch_folder())
     return folder
+
+
+def scratch_folder() -> str:
+    """A folder that lasts as long as this process."""
+    return _scratch().name
 
 
 @cache

@@ -11,8 +11,8 @@ from typing import Any
 
 import cffi
 
-from esea_gen.hostlib.compiler import find_compiler, run_tool
-from esea_gen.targets import APP_FLAGS, HOST_GCC, firmware_folder
+from esea_gen.hostlib.compiler import compiler, run_tool
+from esea_gen.targets import APP_FLAGS, firmware_folder
 
 Frames = Callable[[bytes], bytes]
 
@@ -179,8 +179,7 @@ class Drivers:
             built = Path(scratch) / "drivers.so"
             flags = [*APP_FLAGS, "-Wpedantic", "-Wshadow", "-fPIC", "-shared"]
             checks = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
-            gcc = find_compiler(*HOST_GCC.gcc)
-            command: list[str | Path] = [gcc, *flags, *checks, "-o", built]
+            command: list[str | Path] = [*compiler(), *flags, *checks, "-o", built]
             command += sorted(folder.glob("*.c"))
             run_tool(command, failed="the drivers do not build")
             self.lib: Any = self.ffi.dlopen(str(built))

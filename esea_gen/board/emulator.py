@@ -311,7 +311,7 @@ def run_tasks_in_emulator(
             ram_bytes=image.ram_bytes,
             stack_bytes=image.stack_bytes,
             stack_peak_bytes=info.stack_peak_bytes if emulated else 0,
-            step_stack_bytes=image.step_stack_bytes[name],
+            step_stack_bytes=image.step_stack_bytes.get(name, 0),
             sequence_gaps=info.sequence_gaps,
             bad_frames=info.bad_frames,
             unknown_messages=info.unknown_messages,

@@ -26,9 +26,9 @@ GENERATED = Path("generated")
 
 
 def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
-    from esea_gen.emit.build import DEFAULT_FORMATS, device_formats, render_device
+    from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
-    from esea_gen.emit.formats import FORMATS
+    from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 
     bundles: list[Any] = []
     for name in chosen_formats(real or device_formats(device), FORMATS):

@@ -241,6 +241,9 @@ class Predictive(Section):
     intervals: Quantity = number(2, 100, "Intervals of the horizon.", whole=True)
     interval_s: Quantity = number(1e-3, 10, "Length of an interval.")
     substeps: Quantity = number(1, 50, "Integration steps in an interval.", whole=True)
+    long_intervals: Quantity | None = optional(
+        0, 99, "So many of the intervals, the last, are twice as long.", whole=True
+    )
     Q: Quantity = number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
     R: Quantity = number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
     future: Literal["given", "extrapolated", "held"] = Field(

@@ -17,7 +17,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.emit.step_errors import Bound
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import find_compiler, write_texts
+from esea_gen.hostlib.compiler import compiler, write_texts
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
@@ -61,16 +61,15 @@ class Bench:
         if not CAN_FORK:
             raise UserError("Mutants run in forked processes, which Windows lacks.", "Use WSL.")
         self.device, self.folder, self.fmt, self.loose = device, folder, FORMATS[real], loose
-        self.gcc = find_compiler("gcc", "gcc libc6-dev")
+        self.cc = compiler()
         self.renderer = Renderer(device.system, self.fmt, "-", "-", device.title)
         self.library = HostLibrary(device.system, self.renderer)
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
-        texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
-        texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
+        texts = {n: t for n, t in self.library.sources.items() if "/" not in n and n != "main.c"}
         write_texts(folder, texts)
         self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
         for name, made in self.objects.items():
-            self._gcc("-c", name, "-o", made, check=True)
+            self._compile("-c", name, "-o", made, check=True)
         self.programs = [b for b in kinds if isinstance(b, Program)]
         self.blocks = [b for b in kinds if not isinstance(b, Program)]
         self.limits: dict[str, tuple[dict[str, Bound], StepRule | None]] = {}
@@ -87,8 +86,8 @@ class Bench:
         """What the tasks that ship do."""
         return task_signature(self.library)
 
-    def _gcc(self, *arguments: str, check: bool = False) -> bool:
-        command = [self.gcc, *MUTANT_FLAGS, *arguments]
+    def _compile(self, *arguments: str, check: bool = False) -> bool:
+        command = [*self.cc, *MUTANT_FLAGS, *arguments]
         done = subprocess.run(command, cwd=self.folder, capture_output=True, check=check)
         return done.returncode == 0
 
@@ -135,8 +134,8 @@ class Bench:
         texts = {"mutants.c": mutants, "choose.c": self._choosing(len(batch), shared)}
         write_texts(self.folder, texts)
         others = [o for n, o in self.objects.items() if n != file]
-        link = ["-lm"] if self.fmt.needs_libm else []
-        if not self._gcc("-shared", "mutants.c", "choose.c", *others, "-o", target.name, *link):
+        made = ("mutants.c", "choose.c", *others, "-o", target.name, *self.library.link)
+        if not self._compile("-shared", *made):
             if len(batch) == 1:
                 yield batch[0][0], None
                 return

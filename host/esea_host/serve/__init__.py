@@ -159,7 +159,6 @@ def browser_view(feed: LiveFeed, listen: str, port: int = PORT) -> Iterator[str]
             log_function=lambda _: None,
             websocket_max_message_size=64,
             websocket_ping_interval=5,
-            websocket_ping_timeout=5,
         )
         limits = {"max_header_size": 8192, "max_body_size": 64, "idle_connection_timeout": 10}
         server = HTTPServer(application, **limits)

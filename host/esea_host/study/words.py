@@ -106,7 +106,7 @@ def words_of(language: str, own: bytes = b"", origin: str = "") -> Words:
                 fix = f"Copy {TEXTS / ENGLISH}.toml, and translate {', '.join(SEEN)} at least."
                 raise UserError(f"{what}such as {lacking[0]}.", fix)
             warnings.warn(f"{what}and shown in English, such as {lacking[0]}.", stacklevel=2)
-            texts = english | texts
+            texts = {**english, **texts}
     return Words(language, texts)
 
 

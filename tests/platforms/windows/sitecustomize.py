@@ -6,6 +6,7 @@ that it lacks are missing, text without an encoding is an error, and the ends of
 
 import builtins
 import fcntl
+import inspect
 import os
 import pathlib
 import select
@@ -24,7 +25,7 @@ flock, real_import, getter = fcntl.flock, builtins.__import__, ModuleType.__geta
 
 
 def ours() -> bool:
-    name = sys._getframe(2).f_globals.get("__name__") or ""
+    name = inspect.currentframe().f_back.f_back.f_globals.get("__name__") or ""
     return name.partition(".")[0] in ("esea_gen", "esea_host")
 
 
