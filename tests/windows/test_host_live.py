@@ -26,7 +26,7 @@ from esea_host.simulated.server import Hands, serve_hosts
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
 from esea_host.windows.operator import DemoOperator
-from tests.conftest import require_tool, until
+from tests.conftest import require_tool
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
@@ -468,12 +468,8 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     qtbot.mousePress(arm, Qt.MouseButton.LeftButton, pos=hand)
     qtbot.mouseMove(arm, elbow + QPoint(round(0.5 * (hand - elbow).y()), (hand - elbow).y()))
     assert arm.push_rad == pytest.approx(math.atan(0.5), abs=0.02)
-
-    def pushed() -> bool:
-        hands.reach(simulated_elbow)
-        return simulated_elbow.pushes_rad != [0.0]
-
-    until(pushed)
+    board = simulated_elbow  # a thread reads the lines
+    qtbot.waitUntil(lambda: hands.reach(board) or board.pushes_rad[0] > 0, timeout=120_000)
     lockstep.advance(1.0)
     feed.gather()
     window.draw()
@@ -483,10 +479,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     qtbot.mouseRelease(arm, Qt.MouseButton.LeftButton, pos=hand)
     assert arm.push_rad == 0.0
     os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
-    threads = threading.active_count()
-    os.close(theirs)
-    until(lambda: threading.active_count() < threads)  # all is read
-    assert not pushed()
+    qtbot.waitUntil(lambda: hands.reach(board) or board.pushes_rad == [0.0], timeout=120_000)
     feed.close()
     simulated_elbow.pushes_rad = [0.0]
 

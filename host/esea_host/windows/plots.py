@@ -23,7 +23,7 @@ from esea_host.windows.theme import Theme
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
 MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 66
-NUMBER_PX = 15  # from number to number of an axis, above each other
+NUMBER_PX = 12  # from number to number of an axis, above each other
 LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
 FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
 LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
