@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
@@ -182,7 +182,7 @@ def shipped_controllers() -> dict[str, Path]:
 
 
 def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> DeviceFile:
-    document = _with_controllers(_resolved(text, origin), controllers)
+    document = _resolved(text, origin, list(controllers))
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
     if file.disturbance is not None:
@@ -193,7 +193,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     return file
 
 
-def _resolved(text: str, origin: str) -> dict[str, Any]:
+def _resolved(text: str, origin: str, over: Sequence[str] = ()) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
     document = parse_toml(text, origin, "the shipped elbow.toml")
     base, controller = document.pop("extends", None), document.pop("controller", None)
@@ -205,7 +205,7 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             'Write scaled = true beside extends = "elbow_drive", or take it out.',
         )
     if base is None:
-        return _with_controllers(document, controllers)
+        return _with_controllers(_with_controllers(document, controllers), over)
     shipped = shipped_devices()
     if not isinstance(base, str) or base not in shipped:
         raise UserError(
@@ -216,8 +216,10 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
     # A zero belongs to one machine's encoder: another one has none until it is calibrated.
     for side in below.get("encoder", {}).values():
         side.pop("zero_rad", None)
-    merged = _merged(below, document)
-    return scaled_to(merged, document, below, base) if scaled else merged
+    if not scaled:
+        return _with_controllers(_merged(below, document), over)
+    below = _with_controllers(below, over)  # whose weights are the elbow's, too
+    return scaled_to(_merged(below, document), document, below, base)
 
 
 @cache
