@@ -480,6 +480,7 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     assert arm.push_rad == 0.0
     os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
     qtbot.waitUntil(lambda: hands.reach(board) or board.pushes_rad == [0.0], timeout=120_000)
+    os.close(theirs)
     feed.close()
     simulated_elbow.pushes_rad = [0.0]
 
