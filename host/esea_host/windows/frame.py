@@ -32,6 +32,7 @@ from PySide6.QtWidgets import (
     QMenuBar,
     QPushButton,
     QScrollArea,
+    QTableWidget,
     QVBoxLayout,
     QWidget,
 )
@@ -50,6 +51,7 @@ from esea_host.windows.meanings import (
     refusals,
     state_text,
 )
+from esea_host.windows.number_field import NumberField
 from esea_host.windows.theme import DARK, LIGHT, Theme
 
 Job = Callable[[], object]
@@ -117,10 +119,10 @@ def called(job: Job) -> Callable[..., None]:
 
 
 def takes_letters(widget: QWidget | None) -> bool:
-    """Whether a space is a space there: a number has none."""
-    if not isinstance(widget, QLineEdit) or widget.isReadOnly():
-        return False
-    return not widget.inputMethodHints() & Qt.InputMethodHint.ImhFormattedNumbersOnly
+    """Whether a space is a space there: a number, also in a table, has none."""
+    over = widget and widget.parentWidget() and widget.parentWidget().parentWidget()
+    number = isinstance(widget, NumberField) or isinstance(over, QTableWidget)
+    return isinstance(widget, QLineEdit) and not number
 
 
 def ask_for_file(

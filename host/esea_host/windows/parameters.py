@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import (
-    QPushButton,
-    QStyledItemDelegate,
-    QTableWidget,
-    QTableWidgetItem,
-    QWidget,
-)
+from PySide6.QtWidgets import QPushButton, QTableWidget, QTableWidgetItem, QWidget
 
 from esea_gen.errors import UserError
 from esea_host.typed import read_number, shown_number
@@ -24,13 +17,6 @@ from esea_host.windows.theme import plain_label, plain_tip
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210
-
-
-class _NumberCells(QStyledItemDelegate):
-    def createEditor(self, *given: Any) -> QWidget:
-        editor: QWidget = super().createEditor(*given)
-        editor.setInputMethodHints(Qt.InputMethodHint.ImhFormattedNumbersOnly)
-        return editor
 
 
 class ParameterEditor(QWidget):
@@ -44,7 +30,6 @@ class ParameterEditor(QWidget):
         self.answered.connect(self._show)
         self.table = QTableWidget(len(self.known), len(HEADS))
         self.table.setHorizontalHeaderLabels(HEADS)
-        self.table.setItemDelegateForColumn(NEW, _NumberCells(self.table))
         self.table.setAccessibleName("Parameters")
         self.table.verticalHeader().hide()
         self.table.horizontalHeader().setStretchLastSection(True)

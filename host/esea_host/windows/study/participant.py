@@ -52,11 +52,11 @@ class ParticipantWindow(SceneView):
             self.showFullScreen()
             self.setCursor(Qt.CursorShape.BlankCursor)
         else:
-            room = primary.geometry()
-            side = min(SIDE_PX, room.width(), room.height() - FRAME_PX[1])
+            room, top = primary.geometry(), FRAME_PX[1]
+            side = min(SIDE_PX, room.width(), room.height() - top)
             self.showNormal()
             self.unsetCursor()
-            self.setGeometry(room.right() - side, room.top() + FRAME_PX[1], side, side)
+            self.setGeometry(room.right() - side, room.top() + top, side, side)
         size_px = [self.width(), self.height()]
         self.frames.facts = {"patch": self.patch, "language": self.words.language}
         self.frames.facts["size_px"] = size_px
