@@ -84,37 +84,37 @@ def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
     device = parse_device(text.replace(line, other), "mine.toml")
     assert 1 + device.system.tasks[-1].release_ticks == ticks
     assert predictive_delay_s(device) == pytest.approx(ticks * 1e-3, abs=1e-12)
-    ends = [ticks * 1e-3 + 0.02 * (i + 1) for i in range(10)]
+    ends = [ticks * 1e-3 + x for x in (0.02, 0.04, 0.06, 0.1, 0.14, 0.18)]
     assert device_horizon(device).ends_s == pytest.approx(ends, abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("controller", "first_s", "last_s"),
+    ("controller", "first_s", "last_s", "many"),
     [
-        ("mpc", 0.023, 0.203),
-        ("mpc-no-preview", 0.023, 0.203),
-        ("mpc-published", 0.052, 0.502),
-        ("mpc-published-no-preview", 0.052, 0.502),
+        ("mpc", 0.023, 0.183, 6),
+        ("mpc-no-preview", 0.023, 0.183, 6),
+        ("mpc-published", 0.052, 0.502, 10),
+        ("mpc-published-no-preview", 0.052, 0.502, 10),
     ],
 )
-def test_the_horizon_of_every_shipped_controller(controller, first_s, last_s):
+def test_the_horizon_of_every_shipped_controller(controller, first_s, last_s, many):
     ends = device_horizon(controller_device(controller)).ends_s
-    assert len(ends) == 10
+    assert len(ends) == many
     assert (ends[0], ends[-1]) == (pytest.approx(first_s), pytest.approx(last_s))
 
 
 def test_a_known_future_is_that_of_the_intervals_ends():
     # A run at tick 5 holds the measurement of tick 4 and acts from tick 7: its intervals end at
-    # ticks 27, 47 ... 207.  Later than the path is long, the last value holds.
+    # ticks 27, 47 ... 187.  Later than the path is long, the last value holds.
     n = 300
     t = np.arange(n, dtype=float)
     path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 1000, n, True)
     found = previews(path, device_horizon(load_device("elbow_mpc")))
-    ends = np.array([27, 47, 67, 87, 107, 127, 147, 167, 187, 207])
+    ends = np.array([27, 47, 67, 107, 147, 187])
     for tick in (5, 10, 60, 90):
         at = ends + tick - 5
         assert found["tau_preview_Nm"][tick].tolist() == (4 * at).tolist()
         assert found["theta_preview_rad"][tick].tolist() == at.tolist()
         assert found["omega_preview_rad_s"][tick].tolist() == (2 * at).tolist()
     late = found["theta_preview_rad"][150].tolist()
-    assert late == [172, 192, 212, 232, 252, 272, 292, 299, 299, 299]
+    assert late == [172, 192, 212, 252, 292, 299]
