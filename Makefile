@@ -1,4 +1,5 @@
-# Two commands do all their own set-up: `make run` (the main job) and `make test`.
+# Three commands do all their own set-up: `make demo` (a simulated drive in a window), `make run`
+# (the main job) and `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
 OUT := out
@@ -9,7 +10,11 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test search fuzz docs figures bench test-ci test-slow proof style check setup setup-run clean
+.PHONY: demo run test search fuzz docs figures bench test-ci test-platforms test-slow proof style check setup setup-run clean
+
+demo:
+	@sh .ci/setup "$(PYTHON)" demo
+	@$(BIN)/esea-host demo
 
 run: setup-run
 	@$(BIN)/esea-gen build elbow --out $(OUT)/elbow
@@ -56,6 +61,10 @@ fuzz: setup
 # What takes longer than a change should wait for, and a fixed sample of the slow tests: CI runs it.
 test-ci: setup
 	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "ci and not slow or slow_sample"
+
+# Other systems, as far as this one can stand in for them: docs/install.md.
+test-platforms: setup
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m platforms
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow

@@ -1,7 +1,7 @@
 """Pages of the site that are made from the program itself, at every build, so that none goes stale.
 
 ``device-file.md`` from the JSON schema, ``command-line.md`` from the commands, ``api/*.md`` from
-the docstrings, ``hazards.md`` from its table.
+the docstrings, ``hazards.md`` and ``states.md`` from their tables.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from typing import Any, get_args
 import typer
 
 import esea_gen
+from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.device import load_device
 from esea_gen.devices.schema import json_schema
+from esea_gen.emit.states import BOARD_FAULTS, EVENTS, GUARDS, STATES, TABLE, TIMES_MS
 
 # The library's face, page by page: what a program may rely on.  It is documented in full, and a
 # test holds it to that; everything else says in a line what its names do not.
@@ -386,12 +388,56 @@ def hazards_page() -> str:
     return "\n".join(lines)
 
 
+def states_page() -> str:
+    """States, events, times, guards and faults of the board, from their table."""
+    lines = [
+        "# States and faults",
+        "",
+        "*Made from `esea_gen/emit/states.toml`.* The board's state machine",
+        "(`firmware/app/machine.c`) and every fault.  For their meaning see",
+        "[Firmware](firmware.md#states).",
+        "",
+        "| state | number | | own clock | motor |",
+        "|---|---|---|---|---|",
+    ]
+    for s in STATES:
+        runs, motor = ("runs" if s.computes else "–"), ("on" if s.torque else "off")
+        lines.append(f"| `{s.name}` | {s.value} | {s.meaning} | {runs} | {motor} |")
+    lines += ["", "| event | number | from | |", "|---|---|---|---|"]
+    lines += [
+        f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |"
+        for e in EVENTS
+    ]
+    lines += ["", "## Transitions", "", "| from | event | to | when |", "|---|---|---|---|"]
+    for state, events in TABLE.items():
+        for event, ways in events.items():
+            for way in ways:
+                to = "stays" if way.to == "same" else f"`{way.to}`"
+                when = ", ".join(f"`{g}`" for g in way.when)
+                lines.append(f"| `{state}` | `{event}` | {to} | {when} |")
+    lines += ["", "| time | | |", "|---|---|---|"]
+    lines += [f"| `{n}` | {v} ms | {m} |" for n, (v, m) in TIMES_MS.items()]
+    lines += ["", "| guard | |", "|---|---|"]
+    lines += [f"| `{g.name}` | {g.meaning} |" for g in GUARDS]
+    lines += [
+        "",
+        "## Faults",
+        "",
+        "| fault | number | cause | what to do | found |",
+        "|---|---|---|---|---|",
+    ]
+    faults = [*BOARD_FAULTS[:1], *FAULT_CODES[1:], *BOARD_FAULTS[1:]]
+    lines += [f"| `{c.name}` | {c.value} | {c.cause} | {c.cure} | {c.bound} |" for c in faults]
+    return "\n".join(lines) + "\n"
+
+
 def pages() -> dict[str, str]:
     """All generated pages, by path."""
     made = {
         "device-file.md": device_file_page(),
         "command-line.md": command_line_page(),
         "hazards.md": hazards_page(),
+        "states.md": states_page(),
     }
     return made | {f"api/{key}.md": api_page(key) for key in API_PAGES}
 
@@ -409,7 +455,7 @@ def write_pages(folder: Path) -> None:
     """Write them beside the pages that are written by hand."""
     for path, text in pages().items():
         (folder / path).parent.mkdir(exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
+        (folder / path).write_text(text, encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 import tempfile
 import time
 from functools import cache
 from pathlib import Path
 
+from esea_gen.portability import user_folder
+
 _STARTED_S = time.time()
 
 
 def cache_folder() -> Path:
-    """``$XDG_CACHE_HOME/esea-gen`` or ``~/.cache/esea-gen``, made if need be."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    folder = Path(base) / "esea-gen"
+    """The user's folder of what can be made again, made if need be."""
+    folder = user_folder("cache", "esea-gen")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
-        return Path(_scratch().name)
+        return Path(scratch_folder())
     return folder
+
+
+def scratch_folder() -> str:
+    """A folder that lasts as long as this process."""
+    return _scratch().name
 
 
 @cache

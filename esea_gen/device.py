@@ -116,8 +116,8 @@ class Device(DeviceData):
         return tuple(find_law(n, folder, self.law_files.get(n.rpartition(":")[0])) for n in asked)
 
     def own_laws(self) -> dict[str, bytes]:
-        """The files of laws from outside the package that the device file names."""
-        named = zip(self.file.laws, () if self._laws else self.laws, strict=False)
+        """The files of its laws from outside the package, by their names in the device file."""
+        named = zip(self.file.laws, self.laws, strict=False)
         return {n.rpartition(":")[0]: law.content for n, law in named if law.path}
 
     @cached_property
@@ -146,12 +146,16 @@ def load_device(name_or_path: str | Path, controller: str | None = None) -> Devi
     Parameters
     ----------
     name_or_path : str or Path
-        Name of a shipped device (``elbow``) or path of a TOML file.
+        Name of a shipped device (``elbow``), path of a TOML file, or either behind a controller:
+        ``smc@elbow_drive``.
     controller : str, optional
         In place of the file's laws: a shipped controller (``mpc``), a law (``predictive``), a law
         from outside the package (``FILE.py:law``) or the path of a device file whose sections are
         taken; several with a comma between, to switch between them at run time.
     """
+    law, at, base = str(name_or_path).rpartition("@")
+    if at and controller is None and not Path(name_or_path).is_file():
+        return load_device(base, law)
     text, origin = read_file(name_or_path)
     device = _device(text, origin, controller)
     device.given = str(name_or_path), controller or ""
@@ -195,14 +199,16 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
     if len(files) == len(names) and not own:
         device = Device(parse_file(text, origin, files), origin, controller=controller)
     else:
-        laws: list[Law] = []
+        laws: dict[str, Law] = {}
         for name in names:
             if name in files:
-                laws += [_named_law(n, name) for n in controller_document(name).get("laws", [])]
+                own_laws = controller_document(name).get("laws", [])
+                laws |= {str(n): _named_law(n, name) for n in own_laws}
             else:
-                laws.append(find_law(name))
-        file = parse_file(text, origin, files)
-        device = Device(file, origin, tuple(laws), ",".join(Path(n).name for n in names))
+                laws[Path(name).name] = find_law(name)
+        # As if the file named them, so that it can be read again beside them.
+        file = parse_file(text, origin, files).model_copy(update={"laws": tuple(laws)})
+        device = Device(file, origin, tuple(laws.values()), ",".join(Path(n).name for n in names))
     if device.drive is None:
         raise UserError(
             f"{origin}: the device has no drive that a controller could move.",

@@ -46,7 +46,7 @@ def from_extra(module: str, extra: str, what: str) -> ModuleType:
             raise
         raise UserError(
             f"{what} needs {name}, which is not installed.",
-            f"Install it with: pip install 'esea-gen[{extra}]'",
+            f'Install it with: pip install "esea-gen[{extra}]"',
         ) from None
 
 

@@ -9,7 +9,6 @@ import os
 import secrets
 import socket
 import stat
-import sys
 import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping
@@ -22,6 +21,7 @@ from typing import Any
 from pydantic_core import to_jsonable_python
 
 from esea_gen.errors import UserError, choose
+from esea_gen.portability import BINARY, in_use, replace, try_lock
 from esea_gen.version import __version__
 
 
@@ -65,7 +65,7 @@ def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
 def written_whole(path: Path) -> Iterator[Path]:
     """A scratch file that takes the place of a file at the end."""
     path = Path(os.path.realpath(path))  # a link stays one
-    scratch = path.with_name(f".esea-{secrets.token_hex(4)}{path.suffix}")
+    scratch, kept = path.with_name(f".esea-{secrets.token_hex(4)}{path.suffix}"), False
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file() and not path.is_dir():
@@ -73,14 +73,19 @@ def written_whole(path: Path) -> Iterator[Path]:
             return
         yield scratch
         scratch.chmod(0o644)
-        scratch.replace(path)
+        replace(scratch, path)
     except OSError as error:
+        if kept := in_use(error) and scratch.is_file():
+            raise UserError(
+                f"{path}: cannot be replaced; another program has it open.",
+                f"Close it there. What was to be written is in {scratch}.",
+            ) from error
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
             "Make room, or give another file.",
         ) from error
     finally:
-        if scratch.is_file():
+        if not kept and scratch.is_file():
             scratch.unlink()
 
 
@@ -100,7 +105,7 @@ def new_whole(path: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".esea-") as scratch:
             part = Path(scratch) / path.name
             yield part
-            part.replace(path)
+            replace(part, path)
     except OSError as error:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
@@ -110,29 +115,7 @@ def new_whole(path: Path) -> Iterator[Path]:
 
 # -- locks ----------------------------------------------------------------------------------------
 
-BINARY = getattr(os, "O_BINARY", 0)  # else Windows changes the ends of lines
-_LOCKED_BYTE = 1 << 30  # far behind the text: Windows lets nobody read a locked byte
-_TAKEN = {errno.EACCES, errno.EAGAIN, getattr(errno, "EDEADLOCK", errno.EAGAIN)}
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL}
-
-
-def try_lock(file: int) -> bool:
-    """Lock an open file for this process; the system releases it when the process dies."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            os.lseek(file, _LOCKED_BYTE, os.SEEK_SET)
-            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        if error.errno in _TAKEN:
-            return False
-        raise
-    return True
 
 
 def utc_now() -> str:

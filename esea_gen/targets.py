@@ -6,6 +6,8 @@ A processor or a board is one entry here; a board that runs the firmware also ha
 
 from __future__ import annotations
 
+import platform
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -26,6 +28,7 @@ BARE_LINK = ("-nostartfiles", "-Wl,--gc-sections")
 class Toolchain:
     compiler: str
     package: str
+    zig: str = ""  # what zig calls the target, where its compiler may stand in
 
     @property
     def gcc(self) -> tuple[str, str]:
@@ -39,6 +42,40 @@ class Toolchain:
 HOST_GCC = Toolchain("gcc", "gcc libc6-dev")
 ARM_GCC = Toolchain("arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi")
 ARM_LINUX_GCC = Toolchain("arm-linux-gnueabi-gcc", "gcc-arm-linux-gnueabi libc6-dev-armel-cross")
+ARM64_LINUX_GCC = Toolchain(
+    *("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu libc6-dev-arm64-cross"), "aarch64-linux-musl"
+)
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A computer that people sit at, or a Linux board."""
+
+    name: str  # as FMI 3.0 writes it
+    zig: str  # as zig does: with the oldest glibc that its binaries take
+    fmi2: str
+    suffix: str  # of a shared library
+
+
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so"),
+        Platform("aarch64-linux", "aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
+        Platform("x86_64-windows", "x86_64-windows-gnu", "win64", ".dll"),
+        # FMI 2.0 has one name for both: a file that holds both.
+        Platform("x86_64-darwin", "x86_64-macos", "darwin64", ".dylib"),
+        Platform("aarch64-darwin", "aarch64-macos", "darwin64", ".dylib"),
+    )
+}
+
+
+def this_platform() -> Platform:
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(m := platform.machine().lower(), m)
+    name = f"{machine}-{'windows' if sys.platform == 'win32' else sys.platform}"
+    if name not in PLATFORMS:
+        raise UserError(f"{name} is none of {', '.join(PLATFORMS)}.", "Take a computer that is.")
+    return PLATFORMS[name]
 
 
 @dataclass(frozen=True)
@@ -84,6 +121,7 @@ PROCESSORS = {
             *("cortex-a9", "Cortex-A9", "Linux, vfpv3, softfp", ARM_LINUX_GCC),
             *(f"-march=armv7-a -mtune=cortex-a9 {_VFP3}", True, 640),
         ),
+        ("aarch64", "64-bit Arm", "Linux", ARM64_LINUX_GCC, "", True, None),
         (
             *("cortex-a9-bare", "Cortex-A9", "no operating system, vfpv3, softfp", ARM_GCC),
             *(f"-mcpu=cortex-a9 -marm {_VFP3}", True, None),
@@ -92,6 +130,7 @@ PROCESSORS = {
 }
 
 Use = Literal["instructions", "bits"]
+_SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 _MB = 1 << 20
 
 
@@ -167,7 +206,16 @@ BOARDS = {
             "",
             family="linux",
             # A report ends the program, so that no test can overlook it.
-            flags=("-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+            flags=_SANITIZED,
+            app_flags=("-D_GNU_SOURCE",),
+            link=_SANITIZED,
+        ),
+        Board(
+            "linux",
+            "this computer, a program with a moteus drive",
+            PROCESSORS["host"],
+            "",
+            family="linux",
             app_flags=("-D_GNU_SOURCE",),
             link=(),
         ),
@@ -179,6 +227,16 @@ BOARDS = {
             family="linux",
             runner="qemu-arm",
             package="cortexa9-vfpv3",
+            app_flags=("-D_GNU_SOURCE",),
+            link=("-static",),
+        ),
+        Board(
+            "raspberry-pi",
+            "Raspberry Pi class, 64-bit Arm with Linux",
+            PROCESSORS["aarch64"],
+            "",
+            family="linux",
+            runner="qemu-aarch64",
             app_flags=("-D_GNU_SOURCE",),
             link=("-static",),
         ),

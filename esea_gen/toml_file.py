@@ -41,8 +41,9 @@ class Problem:
 
 
 def read_text(path: Path, fix: str) -> str:
+    """A file's text; with Windows' ends of lines it is the same text, with the same digest."""
     try:
-        return read_whole(path, fix).decode("utf-8-sig")
+        return read_whole(path, fix).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise UserError(f"{path.name}: cannot be read as text ({error}).", fix) from None
 
@@ -155,7 +156,8 @@ def _problems(error: ValidationError, kind: Any) -> list[Problem]:
         within = _type_at(kind, loc[:-1])
         keys = _keys(within)
         wanted, text = keys.get(str(loc[-1]), (None, "")) if loc else (kind, "")
-        reason = e["msg"][0].lower() + e["msg"][1:]
+        reason = e["msg"].removeprefix("Value error, ")
+        reason = reason[0].lower() + reason[1:]
         found.append(Problem(word, loc, e.get("input"), tuple(keys), within, wanted, text, reason))
     return found
 

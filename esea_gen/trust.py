@@ -8,7 +8,6 @@ other one is first shown with its hash.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from pathlib import Path
 
 from esea_gen.errors import UserError
 from esea_gen.files import read_whole, write_whole
+from esea_gen.portability import user_folder
 
 MOST_BYTES = 1 << 20
 _allowed: set[str] = set()
@@ -85,8 +85,7 @@ def trust(hashes: Iterable[str]) -> None:
 
 
 def _file() -> Path:
-    base = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
-    return Path(base) / "esea-host" / "trusted-code"
+    return user_folder("config", "esea-host") / "trusted-code"
 
 
 def _kept() -> set[str]:

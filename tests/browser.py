@@ -51,14 +51,15 @@ class Browser:
         assert "error" not in answer, answer
         return answer["result"]
 
-    def opened(self, page: Path, width: int, scheme: str) -> list[str]:
-        """Open a page and return what its console complained of."""
+    def opened(self, page: Path | str, width: int, scheme: str, height: int = 900) -> list[str]:
+        """Open a file or URL and return what its console complained of."""
         self._rest.clear()
-        size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": True}
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
         self.call("Emulation.setDeviceMetricsOverride", **size)
         feature = {"name": "prefers-color-scheme", "value": scheme}
         self.call("Emulation.setEmulatedMedia", features=[feature])
-        self.call("Page.navigate", url=page.absolute().as_uri())
+        url = page if isinstance(page, str) else page.absolute().as_uri()
+        self.call("Page.navigate", url=url)
         while not any(m.get("method") == "Page.loadEventFired" for m in self._rest):
             self._rest.append(self._read())
         self.evaluate("new Promise(r => requestAnimationFrame(() => setTimeout(r, 50)))")

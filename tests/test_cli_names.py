@@ -123,7 +123,7 @@ def test_a_full_disk_is_one_paragraph(capsys, monkeypatch, tmp_path):
     assert "No space left on device" in said
     assert "TMPDIR" in said
     (tmp_path / "old.png").write_text("old")
-    monkeypatch.setattr(Path, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     with pytest.raises(UserError, match="No space left"):
         save(new_figure(2, 2)[0], tmp_path / "old.png")
     assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]

@@ -23,7 +23,7 @@ main()
 """
 LINK = ("pymavlink", "serial")
 HOST = ("mcap", "pyarrow", "pandas", "statsmodels", "PySide6", "pyqtgraph")
-INSTALL = "Install it with: pip install 'esea-gen"
+INSTALL = 'Install it with: pip install "esea-gen'
 CLUSTER = ("dask", "distributed")
 
 
@@ -43,7 +43,7 @@ def test_the_core_builds_c_and_says_that_a_dialect_needs_the_link(tmp_path):
     everything = (*LINK, *HOST, *CLUSTER)
     code, said = without(everything, "build", "elbow", "--out", "c", cwd=tmp_path)
     assert code == 0
-    assert "no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'" in said
+    assert 'no MAVLink dialect: it needs pymavlink; pip install "esea-gen[link]"' in said
     for real, kind in (("f64", "manifest.json"), ("f32", "*.[ch]")):
         built, committed = (
             {p.name: p.read_bytes() for p in (folder / real).glob(kind)}
@@ -57,7 +57,7 @@ def test_what_needs_the_link_names_the_extra(tmp_path):
     require_tool("gcc")
     code, said = without(LINK, "firmware", "elbow", "--board", "host", cwd=tmp_path)
     assert code == 2
-    assert f"needs pymavlink, which is not installed. {INSTALL}[link]'" in said
+    assert f'needs pymavlink, which is not installed. {INSTALL}[link]"' in said
 
 
 def test_a_serial_port_without_pyserial_names_the_extra(monkeypatch):
@@ -70,7 +70,14 @@ def test_the_host_tool_names_its_extra(tmp_path):
     assert without(("mcap",), "--help", cwd=tmp_path, program="esea_host")[0] == 0
     code, said = without(("mcap",), "show", "a.mcap", cwd=tmp_path, program="esea_host")
     assert code == 2
-    assert f"needs mcap, which is not installed. {INSTALL}[host]'" in said
+    assert f'needs mcap, which is not installed. {INSTALL}[host]"' in said
+
+
+def test_the_browser_view_names_its_extra(tmp_path):
+    words = "serve", "tcp:127.0.0.1:1"
+    code, said = without(("tornado",), *words, cwd=tmp_path, program="esea_host")
+    assert code == 2
+    assert f'needs tornado, which is not installed. {INSTALL}[serve]"' in said
 
 
 def test_every_package_of_an_extra_is_out_of_the_core():

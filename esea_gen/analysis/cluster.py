@@ -127,7 +127,7 @@ def connected(address: str) -> Iterator[Any]:
     except ImportError:
         raise UserError(
             "A cluster needs dask.distributed, which is not installed.",
-            "Install it here and on the workers: pip install 'esea-gen[cluster]'",
+            'Install it here and on the workers: pip install "esea-gen[cluster]"',
         ) from None
     _probe(address)
     # Dask logs on stderr what is told here in one paragraph.

@@ -18,7 +18,7 @@ from typing import IO, Any
 
 from esea_gen import __version__
 from esea_gen.errors import UserError
-from esea_gen.files import try_lock
+from esea_gen.portability import try_lock
 
 
 def canonical(content: Any) -> str:

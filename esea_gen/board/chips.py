@@ -11,8 +11,8 @@ from typing import Any
 
 import cffi
 
-from esea_gen.hostlib.compiler import find_compiler, run_tool
-from esea_gen.targets import APP_FLAGS, HOST_GCC, firmware_folder
+from esea_gen.hostlib.compiler import compiler, run_tool
+from esea_gen.targets import APP_FLAGS, firmware_folder
 
 Frames = Callable[[bytes], bytes]
 
@@ -159,6 +159,8 @@ class Workbench:
 def declarations(*headers: Path) -> str:
     """What C headers declare, as cffi reads it: no comments, no preprocessor, no bodies."""
     text = "".join(h.read_text(encoding="utf-8") for h in headers)
+    for name, number in re.findall(r"^#define (\w+) (\d+)u?\b", text, re.MULTILINE):
+        text = re.sub(rf"\b{name}\b", number, text)
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"^static inline .*?^\}\n", "", text, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"^#.*\n", "", text, flags=re.MULTILINE)
@@ -172,14 +174,12 @@ class Drivers:
         folder = sources or firmware_folder() / "drivers"
         self.ffi = cffi.FFI()
         headers = sorted(folder.glob("*.h"), key=lambda h: (h.name != "hardware.h", h.name))
-        text = declarations(*headers).replace("ESEA_BISS_BYTES_MOST", "16")
-        self.ffi.cdef(text)
+        self.ffi.cdef(declarations(*headers))
         with tempfile.TemporaryDirectory(prefix="esea-drivers-") as scratch:
             built = Path(scratch) / "drivers.so"
             flags = [*APP_FLAGS, "-Wpedantic", "-Wshadow", "-fPIC", "-shared"]
             checks = ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
-            gcc = find_compiler(*HOST_GCC.gcc)
-            command: list[str | Path] = [gcc, *flags, *checks, "-o", built]
+            command: list[str | Path] = [*compiler(), *flags, *checks, "-o", built]
             command += sorted(folder.glob("*.c"))
             run_tool(command, failed="the drivers do not build")
             self.lib: Any = self.ffi.dlopen(str(built))

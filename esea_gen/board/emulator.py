@@ -7,7 +7,6 @@ GHz, so it counts instructions, which are not cycles.
 from __future__ import annotations
 
 import socket
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -27,6 +26,7 @@ from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Process, ProcessTransport, Transport
+from esea_gen.portability import listening_for_qemu
 from esea_gen.targets import Board, find_board
 
 Array = npt.NDArray[Any]
@@ -59,19 +59,12 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
         # On a processor of its own, or emulated.
         runner = [find_compiler(board.runner, "qemu-user")] if board.runner else []
         return ProcessTransport.over_stdio([*runner, str(image.elf), *options])
-    with (
-        tempfile.TemporaryDirectory(prefix="esea-") as folder,
-        socket.socket(socket.AF_UNIX) as server,
-    ):
-        # QEMU calls us: nobody can take a socket that we hold, and no retries are needed.
-        path = f"{folder}/uart"
-        server.bind(path)
-        server.listen(1)
+    with listening_for_qemu() as (server, channel):
         server.settimeout(POLL_S)
         process = Process(
             [
                 *qemu_command(board),
-                *("-serial", f"unix:{path},server=off"),
+                *("-chardev", f"{channel},id=uart", "-serial", "chardev:uart"),
                 *("-icount", "shift=0", "-kernel", str(image.elf)),
                 *options,
             ]
@@ -318,7 +311,7 @@ def run_tasks_in_emulator(
             ram_bytes=image.ram_bytes,
             stack_bytes=image.stack_bytes,
             stack_peak_bytes=info.stack_peak_bytes if emulated else 0,
-            step_stack_bytes=image.step_stack_bytes[name],
+            step_stack_bytes=image.step_stack_bytes.get(name, 0),
             sequence_gaps=info.sequence_gaps,
             bad_frames=info.bad_frames,
             unknown_messages=info.unknown_messages,

@@ -21,7 +21,14 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_gen.hostlib.compiler import compiler_version, find_compiler, run_tool, write_texts
+from esea_gen.hostlib.compiler import (
+    compiler,
+    compiler_version,
+    find_compiler,
+    is_gcc,
+    run_tool,
+    write_texts,
+)
 from esea_gen.model.sensing import measures_counts
 from esea_gen.targets import (
     APP_FLAGS,
@@ -105,7 +112,9 @@ def build_firmware(
     if drivers is None and measures_counts(device):
         _can_be_read(device, chosen)
     toolchain = chosen.processor.toolchain
-    gcc = find_compiler(*toolchain.gcc)
+    # Sanitizers and what they link with are gcc's.
+    sanitized = "-fsanitize" in "".join(chosen.link)
+    cc = (find_compiler(*toolchain.gcc),) if sanitized else compiler(toolchain)
     prefix = f"esea_{device.name}"
     real = chosen.real
     files = dict(control if control is not None else render_device(device, [real])[0].files)
@@ -119,24 +128,27 @@ def build_firmware(
             texts[f"{chosen.folder}/drivers.c"] = drivers
         write_texts(folder, texts)
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
-        objects = _compile_control(folder, chosen, [f"{real}/{n}" for n in sources])
-        objects += _compile_app(folder, chosen, _defined(device, chosen, needs_Hz))
+        objects = _compile_control(folder, chosen, cc, [f"{real}/{n}" for n in sources])
+        objects += _compile_app(folder, chosen, cc, _defined(device, chosen, needs_Hz))
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
         built = folder / f"{prefix}_{board}.elf"
-        command = [gcc, *chosen.compile_flags, *objects, *link, "-o", built]
+        command = [*cc, *chosen.processor.flags, *objects, *link, "-o", built]
         run_tool(command, folder, "the image does not build")
         helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
 
-        size = [find_compiler(*toolchain.tool("size")), "-A", built]
-        rows = (x.split() for x in run_tool(size, failed="size failed").stdout.splitlines())
-        sections = {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
-        graphs = sorted((folder / real).glob("*.ci"))
+        sections: dict[str, int] = {}
+        step_stack: dict[str, int] = {}
         entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}
-        step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
+        if is_gcc(cc):
+            size = [find_compiler(*toolchain.tool("size")), "-A", built]
+            rows = (x.split() for x in run_tool(size, failed="size failed").stdout.splitlines())
+            sections = {r[0]: int(r[1]) for r in rows if len(r) == 3 and r[0].startswith(".")}
+            graphs = sorted((folder / real).glob("*.ci"))
+            step_stack = {t.name: deepest_stack(graphs, entry) for t, entry in entries.items()}
         bounds: dict[str, int] = {}
         if bare:
             graph = CallGraph.read(sorted(folder.rglob("*.ci")))
@@ -166,7 +178,7 @@ def build_firmware(
         stack_bytes=stack_bytes,
         step_stack_bytes=step_stack,
         stack_bounds_bytes=bounds,
-        compiler=compiler_version(gcc),
+        compiler=compiler_version(*cc),
     )
 
 
@@ -185,24 +197,26 @@ def _can_be_read(device: Device, board: Board) -> None:
             )
 
 
-def _compile_control(folder: Path, board: Board, sources: Sequence[str]) -> list[Path]:
+def _compile_control(
+    folder: Path, board: Board, cc: tuple[str, ...], sources: Sequence[str]
+) -> list[Path]:
     # Objects of the control code; with call graphs, and nothing in them but its own arithmetic.
     toolchain = board.processor.toolchain
-    flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, "-fcallgraph-info=su")
-    made = compile_objects(folder, toolchain, flags, sources)
+    graphs = ["-fcallgraph-info=su"] if is_gcc(cc) else []
+    flags = (*board.compile_flags, *SECTION_FLAGS, *CONTROL_FLAGS, *graphs)
+    made = compile_objects(folder, cc, flags, sources)
     foreign = board.processor.toolchain is not HOST_GCC
-    found = double_arithmetic(made, toolchain) if foreign else []
+    found = double_arithmetic(made, toolchain) if foreign and is_gcc(cc) else []
     if found:
         raise RuntimeError(f"the control code is not {board.real} only: " + ", ".join(found))
     return made
 
 
 def compile_objects(
-    folder: Path, toolchain: Toolchain, flags: Sequence[str], sources: Sequence[str]
+    folder: Path, cc: tuple[str, ...], flags: Sequence[str], sources: Sequence[str]
 ) -> list[Path]:
     """Compile the C files of a folder, each once for a given content of it and of all headers."""
-    gcc = find_compiler(*toolchain.gcc)
-    common = hashlib.sha256("\0".join([compiler_version(gcc), *flags]).encode())
+    common = hashlib.sha256("\0".join([compiler_version(*cc), *cc, *flags]).encode())
     for header in sorted(folder.rglob("*.h")):
         common.update(f"\0{header.relative_to(folder)}\0".encode() + header.read_bytes())
     made = []
@@ -217,7 +231,7 @@ def compile_objects(
                 if kept.with_suffix(suffix).is_file():
                     shutil.copyfile(kept.with_suffix(suffix), item.with_suffix(suffix))
             continue
-        run_tool([gcc, *flags, "-c", name, "-o", item], folder, f"{name} does not build")
+        run_tool([*cc, *flags, "-c", name, "-o", item], folder, f"{name} does not build")
         for suffix in (".ci", ".o"):  # the object last: where it stands, all does
             if item.with_suffix(suffix).is_file():
                 with suppress(UserError):  # a full disk costs time, no image
@@ -232,11 +246,16 @@ def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
     defined = [f'-DESEA_LINK_HEADER="{link_header}"', f"-DESEA_ENCODER_BITS={bits}u"]
     defined += [*board.clock_defines, f"-DESEA_NEEDS_HZ={math.ceil(needs_Hz or board.clock_Hz)}u"]
     if device.file.actuator is not None:
-        defined.append(f"-DESEA_GEAR_BITS={int(device.file.actuator.encoder_bits.value)}u")
+        motor = device.file.actuator
+        defined.append(f"-DESEA_GEAR_BITS={int(motor.encoder_bits.value)}u")
+        most = {"GEAR_RATIO": motor.gear_ratio.value, "MOTOR_MOST_NM": motor.u_max_Nm.value}
+        defined += [f"-DESEA_{name}={value!r}f" for name, value in most.items()]
     return defined
 
 
-def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Path]:
+def _compile_app(
+    folder: Path, board: Board, cc: tuple[str, ...], defined: Sequence[str]
+) -> list[Path]:
     # Objects of the hand-written code.
     includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
     includes += ["-Iapp", "-Idrivers"]
@@ -247,4 +266,4 @@ def _compile_app(folder: Path, board: Board, defined: Sequence[str]) -> list[Pat
     parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
     sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
     names = [p.relative_to(folder).as_posix() for p in sources]
-    return compile_objects(folder, board.processor.toolchain, flags, names)
+    return compile_objects(folder, cc, flags, names)

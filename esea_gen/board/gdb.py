@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import socket
 import struct
-import tempfile
 from types import TracebackType
 from typing import Self
 
@@ -12,6 +10,7 @@ from esea_gen.board.emulator import qemu_command
 from esea_gen.board.firmware import FirmwareImage
 from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.link.transport import LinkError, Process
+from esea_gen.portability import listening_for_qemu
 from esea_gen.targets import ARM_GCC, find_board
 
 TIMEOUT_S = 30.0
@@ -22,18 +21,14 @@ class HeldProcessor:
     """QEMU with an image, held at its first instruction.  Use it as a context manager."""
 
     def __init__(self, image: FirmwareImage) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="esea-")
-        path = f"{self._folder.name}/gdb"
-        with socket.socket(socket.AF_UNIX) as server:
-            server.bind(path)
-            server.listen(1)
+        with listening_for_qemu() as (server, channel):
             server.settimeout(TIMEOUT_S)
             self._process = Process(
                 [
                     *qemu_command(find_board(image.board)),
                     *("-serial", "null", "-S", "-icount", "shift=0,sleep=off"),
                     *("-kernel", str(image.elf)),
-                    *("-chardev", f"socket,path={path},server=off,id=held", "-gdb", "chardev:held"),
+                    *("-chardev", f"{channel},id=held", "-gdb", "chardev:held"),
                 ]
             )
             try:
@@ -66,7 +61,6 @@ class HeldProcessor:
     def close(self) -> None:
         """End the emulator."""
         self._process.stop()
-        self._folder.cleanup()
 
     def _send(self, text: str) -> None:
         data = text.encode()

@@ -140,7 +140,7 @@ def task_bounds(device: Device, processor: Processor) -> dict[str, int]:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         files = renderer.own_files() | {"bare.ld": renderer.render("bench/bare.ld.j2")}
-        files |= {path.name: path.read_text() for path in renderer.fmt.sources()}
+        files |= {path.name: path.read_text(encoding="utf-8") for path in renderer.fmt.sources()}
         files.pop("main.c", None)
         write_texts(folder, files)
         # The checksum of the coefficients is the one loop that no Program states: a pass a word.

@@ -26,7 +26,7 @@ class CallGraph:
         """From files of GCC's ``-fcallgraph-info=su``."""
         graph = cls()
         for path in paths:
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8")
             for title, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', text):
                 used = re.search(r"\\n(\d+) bytes \((\w+)", label)
                 if used and used.group(2) != "static":

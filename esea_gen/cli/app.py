@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
@@ -10,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen import __version__
-from esea_gen.cli.boundary import Shown, run
+from esea_gen.cli.boundary import Shown, by_hand, run
 from esea_gen.cli.groups import GroupedCommands
+from esea_gen.portability import command_line
 
 # Every command with the file that has it, in the groups that help shows.
 GROUPS = {
@@ -59,7 +59,9 @@ class Commands(GroupedCommands):
         """Whoever ends it by Ctrl-C is told how to go on."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Exception) as error:
+            if not by_hand(error):
+                raise
             chosen = self.commands.get(ctx.invoked_subcommand)
             resumable = any(p.name == "resume" for p in chosen.params) if chosen else False
             print(f"\nesea-gen: {stopped(sys.argv[1:], resumable)}", file=sys.stderr)
@@ -67,7 +69,7 @@ class Commands(GroupedCommands):
 
 
 def stopped(words: Sequence[str], resumable: bool) -> str:
-    again = shlex.join(["esea-gen", *words])
+    again = command_line("esea-gen", *words)
     if not resumable:
         return f"stopped; no file is left half written. From the start again:\n  {again}"
     if any(w.partition("=")[0] == "--resume" for w in words):
@@ -109,7 +111,7 @@ class Out:
 
     def next(self, *words: str) -> None:
         """Say which command comes next."""
-        self.print(f"next: {shlex.join(['esea-gen', *words])}")
+        self.print(f"next: {command_line('esea-gen', *words)}")
 
 
 out = Out()

@@ -44,7 +44,8 @@ def firmware(
     loaded = esea_gen.load_device(device, controller)
     fits, times, needs_Hz = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name, needs_Hz=needs_Hz)
-    out.print(f"{image.elf}: flash {image.flash_bytes} B, RAM {image.ram_bytes} B")
+    measured = f"flash {image.flash_bytes} B, RAM {image.ram_bytes} B"  # not of zig's
+    out.print(f"{image.elf}: {measured if image.flash_bytes else image.compiler}")
     out.lines(fits)
     if BOARDS[board].package:
         from esea_gen.export.package import build_package

@@ -5,7 +5,6 @@ from __future__ import annotations
 import _thread
 import errno
 import os
-import select
 import shlex
 import signal
 import sys
@@ -23,6 +22,7 @@ from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.received import shown_lines
+from esea_gen.portability import ENDING_SIGNALS, output_closed
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
@@ -124,10 +124,10 @@ def _told(program: str, error: BaseException) -> int:
             return error.code or 0
         _print(f"{program}: {error.code}")
         return REFUSED
-    if isinstance(error, KeyboardInterrupt):
+    if by_hand(error):
         _print(f"{program}: stopped. What was written before is complete.")
         return INTERRUPTED
-    if isinstance(error, BrokenPipeError) and _nobody_reads():
+    if output_closed(error):
         return 1
     said = explained(error)
     if Shown.verbose:
@@ -138,6 +138,13 @@ def _told(program: str, error: BaseException) -> int:
         return FAULT
     _print(f"{program}: {said}")
     return REFUSED
+
+
+def by_hand(error: BaseException | None) -> bool:
+    """Whether Ctrl+C is behind an error: a library that is being loaded makes it its own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
+    return error is not None
 
 
 def explained(error: BaseException) -> str | None:
@@ -162,7 +169,7 @@ def explained(error: BaseException) -> str | None:
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("esea"):
         return (
             f"This needs {error.name.partition('.')[0]}, which is not installed. "
-            "Install it with: pip install 'esea-gen[host]'"
+            'Install it with: pip install "esea-gen[host]"'
         )
     if isinstance(error, ImportError) and ".so" in str(error):
         return f"A library cannot be loaded ({error}). Install what it names."
@@ -242,7 +249,7 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     warnings.showwarning = note
     handlers = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGTERM, signal.SIGHUP):
+        for number in ENDING_SIGNALS:
             if signal.getsignal(number) is signal.SIG_DFL:
                 handlers[number] = signal.signal(number, end)
     try:
@@ -263,18 +270,8 @@ def _have_streams() -> None:
             nothing = os.open(os.devnull, os.O_RDWR)  # stays open
             setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8"))
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a name that this terminal's letters cannot write
-            stream.reconfigure(errors="backslashreplace")
-
-
-def _nobody_reads() -> bool:
-    # Whether it is our output that has closed, not another pipe.
-    try:
-        poll = select.poll()
-        poll.register(sys.stdout.fileno(), 0)
-        return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
-    except (OSError, ValueError):
-        return True
+        if hasattr(stream, "reconfigure"):  # what this terminal's letters cannot write
+            stream.reconfigure(errors="nearest_signs")
 
 
 def _let_go_of_output() -> None:

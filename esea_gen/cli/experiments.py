@@ -223,9 +223,6 @@ def simulate(
     runs: Annotated[int, option("--runs", "Runs of each case.", min=1)] = 1,
     real: Annotated[str, option("--real f64|f32|q31", "Number format of the controller.")] = "f32",
     fault: FaultOption = "",
-    adapted: Annotated[
-        bool, option("--adapted", "Adapted to the rubber before, with a known mass.")
-    ] = False,
     axis: AxisOption = "",
     jobs: options.JobsOption = -1,
     cluster: options.ClusterOption = None,
@@ -257,7 +254,7 @@ def simulate(
         result = simulate_off(
             study,
             [
-                Setting(law, plant, who, real, fault=fault, off=name, adapted=adapted, axis=axis)
+                Setting(law, plant, who, real, fault=fault, off=name, axis=axis)
                 for name in families
                 for law in laws
             ],

@@ -13,7 +13,7 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.names import PEOPLE, PLANTS, complete_block, completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, writable
 from esea_gen.cli.output import progress_line
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
 
 export = typer.Typer(help="The generated C in the forms that other tools take in.")
@@ -62,19 +62,28 @@ def export_fmu(
     seed: SeedOption = 0,
     fmi: Annotated[str, option("--fmi 2|3", "FMI 2.0 or FMI 3.0.")] = "3",
     real: FormatOption = "f32",
+    platforms: Annotated[
+        str | None,
+        option("--platforms all|host", "Binaries; default: for all where zig is installed."),
+    ] = None,
     controller: ControllerOption = None,
 ) -> None:
-    """Write a Functional Mock-up Unit for co-simulation: sources, description, Linux binary.
+    """Write a Functional Mock-up Unit for co-simulation: sources, description, binaries.
 
     The whole controller of the device, or one Block of it, or the virtual exoskeleton.
     """
-    from esea_gen.export.fmu import make_fmu
+    from esea_gen.export.fmu import every_platform, make_fmu
     from esea_gen.export.model import block_model, controller_model, twin_model
 
     if fmi not in ("2", "3"):
         raise UserError(f"--fmi {fmi}: there is no such version here.", "Give 2 or 3.")
     if block is not None and plant is not None:
         raise UserError("--block and --plant ask for two FMUs.", "Give one of them.")
+    if platforms not in (None, "all", "host"):
+        raise UserError(f"--platforms {platforms}: there is no such choice.", "Give all or host.")
+    every = () if platforms == "host" else every_platform()
+    if platforms == "all" and not every:
+        from_extra("ziglang", "compiler", "A binary for other platforms")
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         say(f"{loaded.name}: rendering and compiling")
@@ -94,12 +103,14 @@ def export_fmu(
             model = block_model(loaded, block, real)
         else:
             model = controller_model(loaded, real)
-        made = make_fmu(model, "2" if fmi == "2" else "3")
+        made = make_fmu(model, "2" if fmi == "2" else "3", every)
     path = target or Path(f"{model.identifier}.fmu")
     write_whole(path, made.packed())
     inputs, tunables, outputs = (len(model.of(r)) for r in ("input", "tunable", "output"))
     out.print(f"{path}: {model.title}; FMI {fmi}.0, {model.renderer.fmt.name}")
     out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
+    binaries = sorted(n.split("/")[1] for n in made.files if n.startswith("binaries/"))
+    out.print(f"binaries: {', '.join(binaries)}; {path.stat().st_size / 1e3:.0f} kB")
     out.print(f"content {model.digest}")
     out.print(f"Next: esea-gen export check {path}")
 

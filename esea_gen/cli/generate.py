@@ -28,9 +28,16 @@ GENERATED = Path("generated")
 def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
     from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
-    from esea_gen.emit.formats import FORMATS
+    from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 
-    bundles = render_device(device, chosen_formats(real or device_formats(device), FORMATS))
+    bundles: list[Any] = []
+    for name in chosen_formats(real or device_formats(device), FORMATS):
+        try:
+            bundles += render_device(device, [name])
+        except UserError as error:
+            if real or name in DEFAULT_FORMATS:
+                raise
+            out.print(f"left out: {name}. {error.what}")  # not every law has it
     if linked:
         bundles.append(render_dialect(device))
     return bundles
@@ -65,7 +72,7 @@ def build(
     if linked:
         out.print(cost_table(loaded.system))
     elif real is None:
-        out.print("no MAVLink dialect: it needs pymavlink; pip install 'esea-gen[link]'")
+        out.print('no MAVLink dialect: it needs pymavlink; pip install "esea-gen[link]"')
     out.next("verify", device, *(("--controller", controller) if controller else ()))
 
 

@@ -13,6 +13,7 @@ import typer
 from esea_gen.cli.names import complete_block, completing, configured, shipped
 from esea_gen.errors import UserError, nearest
 from esea_gen.files import sample_folder
+from esea_gen.portability import path_limit
 from esea_gen.targets import firmware_boards
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def writable(path: Path | None) -> Path | None:
             if folder.is_symlink():
                 raise UserError(f"{path}: {folder} is a link to nothing.", fix)
             folder = folder.parent
-        longest = os.pathconf(folder, "PC_NAME_MAX")
+        longest = path_limit(folder, "PC_NAME_MAX")
         for part in path.parts:
             if len(os.fsencode(part)) > longest:
                 raise UserError(f"{path}: a name has more than {longest} bytes.", fix)

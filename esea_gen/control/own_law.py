@@ -19,7 +19,7 @@ from esea_gen.control.law import Base, Law, Parts
 from esea_gen.errors import UserError, nearest
 from esea_gen.files import read_whole
 from esea_gen.python_file import MOST_BYTES, import_file
-from esea_gen.trust import TaskCode, must_be_trusted
+from esea_gen.trust import TaskCode, allow, must_be_trusted
 
 # What CasADi has and the firmware's C has not.
 NOT_IN_C = (
@@ -48,6 +48,8 @@ def outside_law(text: str, folder: Path | None = None, content: bytes | None = N
     code = TaskCode.of(path, content)
     if folder is not None:
         must_be_trusted([code], "type: esea-gen")
+    else:  # named on the command line; to be met again in what this process records
+        allow([code.sha256])
     return _law(path, content, name, code.sha256)
 
 

@@ -95,6 +95,9 @@ class _Reference:
         self.widest = threshold(
             1.01 * (2 * self.tau_lim + self.kp_high * angle + 2 * self.kd_high * self.omega_lim)
         )
+        # As a wish, which the adaptation turns: by its least gain.
+        least = gain_port(device).low if self.adapted else 1.0
+        self.wish_lim = threshold(1.01 * self.widest / least)
         self.name = "reference"
         self.title = "Set torque from mode, wanted torque and impedance law"
         self.constants = (*device.constants("impedance"), *device.constants("domain"))
@@ -135,12 +138,15 @@ class _Reference:
             Port("theta_load_rad", low, high, "load side's angle"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
+            Port("wish_ok", 0.0, 1.0, "1 while what is desired is sound"),
             *adapted_inputs(self.device),
             *impaired_inputs(self.device),
         )
         clipped = "the set torque was clipped at tau_range_Nm"
         self.outputs = (
             around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
+            around("tau_hold_Nm", self.wish_lim, "desired torque that alone gives the set torque"),
+            around("tau_blend_Nm", self.wish_lim, "that of it which the fading offset is worth"),
             Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
             Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
             status_port(
@@ -161,7 +167,7 @@ class _Reference:
         }
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
+        sound = ca.logic_and(ca.logic_and(guard.inputs_ok, guard.state_ok), u.wish_ok > 0.5)
         if self.impaired:
             sound = ca.logic_and(sound, u.impairment_ok > 0.5)
         asked = ca.if_else(u.mode > 1.5, IMPEDANCE, ca.if_else(u.mode > 0.5, TORQUE, OFF))
@@ -169,7 +175,7 @@ class _Reference:
         tau_d = u.tau_desired_Nm
         if self.adapted:
             tau_d = clip(tau_d * u.wish_gain + u.wish_shift_Nm, -self.tau_lim, self.tau_lim)
-            tau_d = label("tau_adapted_Nm", tau_d, "[adapt 7] wish for the rubber at hand")
+            tau_d = label("tau_adapted_Nm", tau_d, "[adapt 2] wish for the rubber at hand")
         if self.impaired:
             total = clip(tau_d + u.tau_impairment_Nm, -self.tau_lim, self.tau_lim)
             tau_d = label("tau_impaired_Nm", total, "(7.1) the impairment on top")
@@ -194,17 +200,25 @@ class _Reference:
         offset = ca.if_else(from_off, u.tau_Nm - law, gone_on)
         offset = label("offset_Nm", offset, "from the law to where the torque was, fading")
         wanted = label("wanted_Nm", ca.if_else(on, law + offset, u.tau_Nm))
+        faded = ca.if_else(on, offset, 0)
         limited = clip(wanted, -c.tau_range_Nm, c.tau_range_Nm)
         tau_set = label(
             "tau_set_Nm", ca.if_else(guard.inputs_ok, limited, s.tau_set_Nm), "invalid input: hold"
         )
+        held, gain = tau_set, 1.0
+        if self.impaired:
+            held = held - u.tau_impairment_Nm
+        if self.adapted:
+            held, gain = held - u.wish_shift_Nm, u.wish_gain
         next_state = {
             "mode_last": mode,
-            "offset_Nm": ca.if_else(on, offset, 0),
+            "offset_Nm": faded,
             "tau_set_Nm": tau_set,
         }
         outputs = {
             "tau_set_Nm": tau_set,
+            "tau_hold_Nm": label("hold_Nm", held / gain, "but for the impairment"),
+            "tau_blend_Nm": faded / gain,
             "mode": mode,
             "request_ok": sound,
             "status": guard.status(

@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 from esea_gen.control.adaptation import adaptation
 from esea_gen.control.impairment import has_wall, impairment
+from esea_gen.control.interpolation import DESIRED, interpolation
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
-from esea_gen.control.limits.monitor import WISHES, encoder_monitor, monitor
+from esea_gen.control.limits.monitor import Watched, encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
@@ -50,6 +51,8 @@ SIGNALS = {
     "u_Nm": "limits.u_Nm",
     "u_applied_Nm": "limits.u_Nm",
     "mode": "reference.mode",
+    "wish_ok": "interpolation.wish_ok",
+    **{n: f"interpolation.{n}" for n in DESIRED},
     "request_ok": "reference.request_ok",
     "tau_set_Nm": "reference.tau_set_Nm",
     "control_beat": "stamp.control_beat",
@@ -70,12 +73,10 @@ INPUTS = {
     "frame_error_load": ("encoder_load.frame_error",),
     # The limits see the mode itself: what the reference makes of an invalid one is off, which
     # would be no fault.
-    "mode": ("reference.mode", "limits.mode"),
+    "mode": ("interpolation.mode", "reference.mode", "limits.mode"),
     "stop": ("limits.stop",),
     "rearm": ("limits.rearm",),
-    "tau_desired_Nm": ("reference.tau_desired_Nm",),
-    "theta_desired_rad": ("reference.theta_desired_rad",),
-    "omega_desired_rad_s": ("reference.omega_desired_rad_s",),
+    **{n: (f"interpolation.{n}",) for n in DESIRED},
 }
 
 
@@ -110,8 +111,11 @@ EXTRAS = {
             f"{n}_{side}": (f"monitor_{side}.{n}",)
             for side in SIDES
             for n in ("count", "frame_error")
-        }
-        | {n: (f"monitor.{n}",) for n in WISHES},
+        },
+    ),
+    "monitor_gear": _Extra(
+        {"doubt_gear": "monitor_gear.doubt"},
+        inputs={f"{n}_gear": (f"monitor_gear.{n}",) for n in ("count", "frame_error")},
     ),
     # It stands between set torque and law, and between command and limits.
     "passivity": _Extra(
@@ -129,8 +133,6 @@ EXTRAS = {
     # What is wanted, turned for the rubber at hand.
     "adaptation": _Extra(
         {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")},
-        inputs={"tau_desired_Nm": ("adaptation.tau_desired_Nm",)},
-        outputs={f"adapted_{n}": f"adaptation.{n}" for n in ("gain", "loss", "offset_Nm")},
     ),
     # Wall and resistance are added to what is wanted.
     "impairment": _Extra(
@@ -167,6 +169,7 @@ ESTIMATED = {
     "energy_J": "limits.energy_J",
     "fault": "limits.fault",
     "mode_held": "reference.mode",
+    **{n: f"reference.{n}" for n in ("tau_hold_Nm", "tau_blend_Nm")},
 }
 
 
@@ -192,7 +195,9 @@ def control_system(
 def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[[], Block]) -> Base:
     redundant = device.file.redundancy is not None
     passive = device.file.passivity is not None
-    watched = SIDES if device.file.monitor else ()
+    watched: tuple[Watched, ...] = (*SIDES, "gear") if redundant else SIDES
+    if device.file.monitor is None:
+        watched = ()
     blocks: dict[str, Component] = {
         "encoder_motor": encoder(device, "motor"),
         "encoder_load": encoder(device, "load"),
@@ -202,6 +207,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         "motor_rate": motor_rate(device),
         "load_rate": load_rate(device),
         **({"encoder_gear": gear_encoder(device)} if redundant else {}),
+        "interpolation": interpolation(device),
         **({"adaptation": adaptation(device)} if device.file.adaptation else {}),
         **({"impairment": impairment(device)} if device.file.impairment else {}),
         "reference": gains_reference(reference(device)) if passive else reference(device),

@@ -8,10 +8,11 @@ import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from esea_gen.devices.numbers import Quantity, Section, Series, number, optional, series, table
 from esea_gen.devices.rubber import Elastomer, Family
+from esea_gen.portability import check_file_name
 
 SCHEMA = 1
 SCHEMA_FILE = "esea-gen.schema.json"
@@ -240,6 +241,9 @@ class Predictive(Section):
     intervals: Quantity = number(2, 100, "Intervals of the horizon.", whole=True)
     interval_s: Quantity = number(1e-3, 10, "Length of an interval.")
     substeps: Quantity = number(1, 50, "Integration steps in an interval.", whole=True)
+    long_intervals: Quantity | None = optional(
+        0, 99, "So many of the intervals, the last, are twice as long.", whole=True
+    )
     Q: Quantity = number(0.01, 1e5, "Weight of the torque error, (Nm)^-2.")
     R: Quantity = number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
     future: Literal["given", "extrapolated", "held"] = Field(
@@ -381,20 +385,21 @@ ADAPTATION_STOP_NM = 0.8
 
 
 class Adaptation(Section):
-    """How far the wish may be adapted to a rubber that is not its model, and how fast."""
+    """How far the wish may be adapted to a rubber that is not its model."""
 
     scale_least: Quantity = number(0.5, 0.99, "Softest rubber: true torque over the model's.")
     scale_most: Quantity = number(1.01, 2, "Stiffest rubber: true torque over the model's.")
     loss_most: Quantity = number(0.01, 1, "Largest share of the stop operator of the loss.")
     offset_Nm: Quantity = number(0.01, 10, "Largest offset.")
-    rate_1_s: Quantity = number(0, 5, "How fast is learnt from a known torque of 1 Nm.")
 
 
 class DeviceFile(Section):
     """A device file, as written."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
-    name: str = Field(pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C.")
+    name: Annotated[str, AfterValidator(check_file_name)] = Field(
+        pattern=NAME_PATTERN, description="Lower case C identifier, prefix of the C."
+    )
     title: str = Field(min_length=1, description="One line for reports.")
     axes: tuple[Annotated[str, Field(pattern=AXIS_PATTERN)], ...] = Field(
         default=(),
@@ -453,7 +458,7 @@ class DeviceFile(Section):
         "share of its life that is used is not known."
     )
     adaptation: Adaptation | None = table(
-        "Adaptation of the wish to the rubber at hand, learnt with a known mass; left "
+        "Adaptation of the wish to the rubber at hand, by two known masses; left "
         "out, a rubber that is off is not noticed."
     )
 

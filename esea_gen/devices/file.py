@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
@@ -27,6 +27,7 @@ from esea_gen.devices.rubber import Elastomer
 from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
+from esea_gen.portability import check_file_name
 from esea_gen.toml_file import Problem, checked, parse_toml, read_text
 
 
@@ -181,7 +182,7 @@ def shipped_controllers() -> dict[str, Path]:
 
 
 def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> DeviceFile:
-    document = _with_controllers(_resolved(text, origin), controllers)
+    document = _resolved(text, origin, list(controllers))
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
     if file.disturbance is not None:
@@ -192,7 +193,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     return file
 
 
-def _resolved(text: str, origin: str) -> dict[str, Any]:
+def _resolved(text: str, origin: str, over: Sequence[str] = ()) -> dict[str, Any]:
     # With what it extends filled in.  Shipped files are the only base and never extend in a circle.
     document = parse_toml(text, origin, "the shipped elbow.toml")
     base, controller = document.pop("extends", None), document.pop("controller", None)
@@ -204,7 +205,7 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
             'Write scaled = true beside extends = "elbow_drive", or take it out.',
         )
     if base is None:
-        return _with_controllers(document, controllers)
+        return _with_controllers(_with_controllers(document, controllers), over)
     shipped = shipped_devices()
     if not isinstance(base, str) or base not in shipped:
         raise UserError(
@@ -215,8 +216,10 @@ def _resolved(text: str, origin: str) -> dict[str, Any]:
     # A zero belongs to one machine's encoder: another one has none until it is calibrated.
     for side in below.get("encoder", {}).values():
         side.pop("zero_rad", None)
-    merged = _merged(below, document)
-    return scaled_to(merged, document, below, base) if scaled else merged
+    if not scaled:
+        return _with_controllers(_merged(below, document), over)
+    below = _with_controllers(below, over)  # whose weights are the elbow's, too
+    return scaled_to(_merged(below, document), document, below, base)
 
 
 @cache
@@ -279,6 +282,9 @@ def _stem(key: str) -> str:
     return key
 
 
+NAME_RULE = "Give a lower case letter, then up to 14 lower case letters, digits or underscores."
+
+
 def _fix(problem: Problem) -> str | UserError:
     key, name = problem.key, str(problem.loc[-1])
     row = "correction_rad" in problem.loc or "times_s" in problem.loc
@@ -299,6 +305,8 @@ def _fix(problem: Problem) -> str | UserError:
         if problem.within is Quantity:
             return 'Write { value = 1.0, status = "assumed", source = "why" }.'
         return "Add it; the shipped elbow.toml shows the form."
+    if problem.key == "name":
+        return NAME_RULE
     if problem.loc[0] == "axes":
         return (
             'Axes are written ["flexion", "deviation"]: up to '
@@ -314,8 +322,12 @@ def check_new_name(name: str) -> None:
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
             f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
-            "Give a lower case letter, then up to 14 lower case letters, digits or underscores.",
+            NAME_RULE,
         )
+    try:
+        check_file_name(name)
+    except ValueError as fault:
+        raise UserError(f"'{name}' {fault}.", "Give the device another name.") from None
     if name in shipped_devices():
         raise UserError(f"'{name}' is a shipped device.", "Give the new one another name.")
 

@@ -19,12 +19,13 @@ from esea_gen.errors import UserError
 DIGITS = 4
 SPEED_ROOM = 0.8  # of the half turn that the motor's shaft may make in two sensing periods
 TRAVEL_ROOM_RAD = 0.5  # beyond the range of motion, for the limits to act
-MOST_LAMBDA_1_S = 22.0  # with a quick motor: best of the trials on the wrist
+MOST_LAMBDA_1_S = 19.8  # with a quick motor; a tenth below the best of the trials on the wrist
 # What two drives are compared by: numbers whose product is taken.
 RATIOS = {
     "stiffness": ("elastomer.k1_Nm_rad",),
     "drive torque": ("actuator.gear_ratio", "actuator.u_max_Nm"),
     "motor torque": ("actuator.u_max_Nm",),
+    "gear ratio": ("actuator.gear_ratio",),
     "drive inertia": ("actuator.J_kgm2",),
     "trip torque": ("safety.tau_max_Nm",),
     "control rate": ("timing.control_rate_Hz",),
@@ -32,13 +33,18 @@ RATIOS = {
 }
 # By which of them numbers go, and with which power.
 _POWERS: tuple[tuple[dict[str, float], str], ...] = (
-    ({}, "sliding_mode.phi_rad_s"),
+    ({}, "sliding_mode.phi_rad_s predictive.interval_s"),
+    # The cost of a torque error and of the motor's rate, as shares: then the loop's poles stay,
+    # whatever torque, ratio and lag.
+    ({"stiffness": -2}, "predictive.Q"),
+    ({"stiffness": -2, "gear ratio": 2, "motor lag": 2}, "predictive.R"),
     (
         {"stiffness": 1},
         "elastomer.k3_Nm_rad3 elastomer.alpha_Nm_rad elastomer.maxwell.kv_Nm_rad "
         "elastomer.maxwell.A_Nms_rad elastomer.maxwell.eps1_Nms_rad domain.tau_full_scale_Nm "
         "limits.tau_Nm joint.tau_human_max_Nm sliding_mode.k1_unc_Nm_rad passivity.Kp_max_Nm_rad "
-        "sliding_mode.k3_unc_Nm_rad3 passivity.energy_J cable.contact_Nm adaptation.offset_Nm",
+        "sliding_mode.k3_unc_Nm_rad3 passivity.energy_J cable.contact_Nm adaptation.offset_Nm "
+        "redundancy.cable_Nm_rad redundancy.cable_least_Nm_rad",
     ),
     ({"drive torque": 1}, "actuator.fv_Nms_rad actuator.fc_Nm redundancy.torque_Nm"),
     ({"motor torque": 1}, "safety.u_rate_Nm_s"),

@@ -19,6 +19,7 @@ from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError, choose
 from esea_gen.language.system import System
+from esea_gen.portability import replace
 
 MANIFEST = "manifest.json"
 # Formats beside the default ones that a shipped device is built in, and its output compared in.
@@ -120,10 +121,15 @@ def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
                     target.parent.mkdir(parents=True, exist_ok=True)
                     target.write_text(text, encoding="utf-8", newline="\n")
             for bundle in bundles:
-                target = out / bundle.folder
+                target, old = out / bundle.folder, Path(scratch) / f"old-{bundle.folder}"
                 if target.exists():
-                    target.rename(Path(scratch) / f"old-{bundle.folder}")
-                (Path(scratch) / bundle.folder).rename(target)
+                    replace(target, old)
+                try:
+                    replace(Path(scratch) / bundle.folder, target)
+                except OSError:
+                    if old.exists():
+                        replace(old, target)
+                    raise
                 written.append(target)
     except OSError as error:
         raise UserError(

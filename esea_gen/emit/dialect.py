@@ -52,7 +52,7 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
     mavlink()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / f"{name}.xml").write_text(xml, encoding="utf-8")
+        (folder / f"{name}.xml").write_text(xml, encoding="utf-8", newline="\n")
         (folder / "python").mkdir()
         for language, output in (("C", "mavlink"), ("Python3", f"python/{name}.py")):
             # A process of its own: mavgen prints, exits on errors, and puts the path that it was
@@ -63,7 +63,8 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
                 cwd=folder,
                 env=os.environ | {"PYTHONUTF8": "1", "PYTHONDONTWRITEBYTECODE": "1"},
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
                 check=False,
             )
             if done.returncode != 0:

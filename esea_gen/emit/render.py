@@ -222,7 +222,7 @@ class Renderer:
         out = self.own_files()
         out |= {n: self.render(t) for n, t in self.fmt.templates(self.prefix).items()}
         out |= self.fmt.casadi_c(self.system)
-        return out | {path.name: path.read_text() for path in self.fmt.sources()}
+        return out | {path.name: path.read_text(encoding="utf-8") for path in self.fmt.sources()}
 
     def folder(self) -> dict[str, str]:
         """Every file of the output folder but the manifest: the example program, too."""

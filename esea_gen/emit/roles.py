@@ -14,11 +14,12 @@ MOST_COUPLINGS = 4  # whose life a board counts
 @dataclass(frozen=True)
 class MotorAxis:
     task: str  # that runs every tick and tells of it
-    u: str  # its outputs: what the motor gets, what is wanted of it, why it holds
-    tau_set: str
+    u: str  # its outputs: what the motor gets, why it holds
+    tau_hold: str  # what holds the set torque, and what of that the blend is worth
+    tau_blend: str
     fault: str
     tau_desired: str
-    added: tuple[str, ...]  # outputs that are part of ``tau_set`` and not of ``tau_desired``
+    added: tuple[str, ...]  # outputs that are added to what is wanted
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ def _axis(system: System, task: Task) -> MotorAxis:
     return MotorAxis(
         task.name,
         told[Signal(fault.signals[0].instance, "u_Nm")],
-        next(x.name for x in outputs if x.name.startswith("tau_set_")),
+        next(x.name for x in outputs if x.name.startswith("tau_hold_")),
+        next(x.name for x in outputs if x.name.startswith("tau_blend_")),
         fault.name,
         next(x.name for x in system.task_inputs(task) if x.name.startswith("tau_desired_")),
         tuple(x.name for x in added),

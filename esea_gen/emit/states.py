@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.language.ports import Code
 
 
@@ -59,9 +58,6 @@ TABLE: dict[str, dict[str, tuple[Way, ...]]] = {
     state: {event: _ways(given) for event, given in row.items()}
     for state, row in _DATA["transitions"].items()
 }
-# Between these comments the documentation's tables are written.
-TABLES_FROM = "<!-- from esea_gen/emit/states.py -->"
-TABLES_TO = "<!-- to here -->"
 
 
 def follow(state: str, event: str, holds: Collection[str]) -> str | None:
@@ -124,45 +120,12 @@ def states_header() -> str:
     return "\n".join(lines) + "\n"
 
 
-def state_tables() -> str:
-    lines = ["| state | number | | own clock | motor |", "|---|---|---|---|---|"]
-    for s in STATES:
-        runs, motor = ("runs" if s.computes else "–"), ("on" if s.torque else "off")
-        lines.append(f"| `{s.name}` | {s.value} | {s.meaning} | {runs} | {motor} |")
-    lines += ["", "| event | number | from | |", "|---|---|---|---|"]
-    lines += [
-        f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |"
-        for e in EVENTS
-    ]
-    lines += ["", "| from | event | to | when |", "|---|---|---|---|"]
-    for state, events in TABLE.items():
-        for event, ways in events.items():
-            for way in ways:
-                to = "stays" if way.to == "same" else f"`{way.to}`"
-                when = ", ".join(f"`{g}`" for g in way.when)
-                lines.append(f"| `{state}` | `{event}` | {to} | {when} |")
-    lines += ["", "| time | | |", "|---|---|---|"]
-    lines += [f"| `{n}` | {v} ms | {m} |" for n, (v, m) in TIMES_MS.items()]
-    lines += ["", "| guard | |", "|---|---|"]
-    lines += [f"| `{g.name}` | {g.meaning} |" for g in GUARDS]
-    lines += ["", "| fault | number | cause | what to do | found |", "|---|---|---|---|---|"]
-    faults = [*BOARD_FAULTS[:1], *FAULT_CODES[1:], *BOARD_FAULTS[1:]]
-    lines += [f"| `{c.name}` | {c.value} | {c.cause} | {c.cure} | {c.bound} |" for c in faults]
-    return "\n".join(lines) + "\n"
-
-
 def main() -> None:
-    """Write what follows from the table: the C header, and the tables of the page on firmware."""
+    """Write the C header from the table."""
     from esea_gen.targets import firmware_folder
 
-    root = firmware_folder()
-    (root / "app" / "states.h").write_text(states_header(), encoding="utf-8")
-    page = root.parent / "docs" / "firmware.md"
-    text = page.read_text(encoding="utf-8")
-    before, rest = text.split(TABLES_FROM)
-    _, after = rest.split(TABLES_TO)
-    parts = (before, TABLES_FROM, "\n\n", state_tables(), "\n", TABLES_TO, after)
-    page.write_text("".join(parts), encoding="utf-8")
+    header = firmware_folder() / "app" / "states.h"
+    header.write_text(states_header(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -11,8 +11,11 @@ import io
 import json
 import math
 import re
+import struct
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +24,11 @@ from esea_gen.errors import UserError, from_extra
 from esea_gen.export.model import ExportedModel
 from esea_gen.files import read_whole, template_folder
 from esea_gen.hostlib.compiler import compile_sources
+from esea_gen.targets import PLATFORMS, Platform, this_platform
 
 Version = Literal["2", "3"]
 MANIFEST = "extra/org.esea-gen/manifest.json"
 DESCRIPTION = "modelDescription.xml"
-PLATFORM = {"2": "linux64", "3": "x86_64-linux"}
 # Only what FMI names is seen from outside; no table of symbols, which would name scratch files.
 _FLAGS = ("-fvisibility=hidden", "-s")
 # In a library of its own every function has its plain name.
@@ -123,6 +126,10 @@ def _filters(model: ExportedModel) -> None:
     }
 
 
+def _is_binary(name: str) -> bool:
+    return name.startswith("binaries/")
+
+
 def _compiled(model: ExportedModel, fmi: Version) -> list[str]:
     return [f"fmi{fmi}.c", *sorted(n for n in model.files if n.endswith(".c"))]
 
@@ -156,27 +163,51 @@ class Fmu:
             for name in sorted(self.files, key=lambda n: (n != DESCRIPTION, n)):
                 entry = zipfile.ZipInfo(name, _TIME)
                 entry.compress_type = zipfile.ZIP_DEFLATED
-                entry.external_attr = (0o755 if name.endswith(".so") else 0o644) << 16
+                entry.external_attr = (0o755 if _is_binary(name) else 0o644) << 16
                 archive.writestr(entry, self.files[name])
         return stream.getvalue()
 
 
-def make_fmu(model: ExportedModel, fmi: Version = "3") -> Fmu:
-    """Render, compile and describe a model as an FMU for co-simulation."""
+def every_platform() -> tuple[Platform, ...]:
+    """All platforms where zig is installed, which alone compiles for others; else none."""
+    return tuple(PLATFORMS.values()) if find_spec("ziglang") else ()
+
+
+def universal(binaries: Sequence[bytes]) -> bytes:
+    """One Mach-O file of those of several processors, as ``lipo`` writes it; one as it is."""
+    if len(binaries) == 1:
+        return binaries[0]
+    page = 1 << 14  # Apple's arm64 pages
+    head, body = struct.pack(">II", 0xCAFEBABE, len(binaries)), b""
+    for binary in binaries:
+        body += bytes(-len(body) % page)
+        kind = struct.unpack_from("<II", binary, 4)  # processor and subtype
+        head += struct.pack(">IIIII", *kind, page + len(body), len(binary), 14)
+        body += binary
+    return head.ljust(page, b"\0") + body
+
+
+def make_fmu(model: ExportedModel, fmi: Version = "3", platforms: Sequence[Platform] = ()) -> Fmu:
+    """Render, compile and describe a model as an FMU for co-simulation.
+
+    platforms: by zig, the same bytes anywhere; none: this computer, by what compiles here.
+    """
     texts = sources(model, fmi)
     (token,) = re.findall(r'MODEL_TOKEN "(\w+)"', texts["model.h"])
-    binary = compile_sources(
-        texts | _headers(fmi),
-        (*_FLAGS, _PLAIN),
-        ("-lm",) if model.renderer.fmt.needs_libm else (),
-    ).read_bytes()
+    libm = ("-lm",) if model.renderer.fmt.needs_libm else ()
+    given = texts | _headers(fmi), (*_FLAGS, _PLAIN), libm
+    binaries: dict[str, list[bytes]] = {}
+    for p in platforms or (this_platform(),):
+        path = f"binaries/{p.name if fmi == '3' else p.fmi2}/{model.identifier}{p.suffix}"
+        built = compile_sources(*given, p.zig if platforms else "").read_bytes()
+        binaries.setdefault(path, []).append(built)
     page = model.renderer.render("export/fmu/index.html.j2", model=model, fmi=fmi)
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}
     files |= {
         DESCRIPTION: _description(model, fmi, token).encode(),
-        f"binaries/{PLATFORM[fmi]}/{model.identifier}.so": binary,
         "documentation/index.html": page.encode(),
     }
+    files |= {path: universal(found) for path, found in binaries.items()}
     manifest = {
         "identifier": model.identifier,
         "content_hash": model.digest,
@@ -218,6 +249,6 @@ def check_fmu(path: Path) -> dict[str, Any]:
         if hashlib.sha256(files[name]).hexdigest() != listed[name]:
             raise UserError(f"{path}: {name} was changed after the export.", fix)
     for name, content in files.items():
-        if (name == DESCRIPTION or name.endswith(".so")) and token.encode() not in content:
+        if (name == DESCRIPTION or _is_binary(name)) and token.encode() not in content:
             raise UserError(f"{path}: {name} is of another content than the rest.", fix)
     return manifest

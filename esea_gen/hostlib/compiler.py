@@ -11,15 +11,16 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import cffi
 
-from esea_gen.cache import cache_folder
-from esea_gen.errors import UserError
+from esea_gen.cache import cache_folder, scratch_folder
+from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
-from esea_gen.targets import EXACT_FLAGS, HOST_GCC
+from esea_gen.targets import EXACT_FLAGS, HOST_GCC, Toolchain, this_platform
 
 CFLAGS = (*EXACT_FLAGS, "-fPIC")
 
@@ -33,6 +34,37 @@ def find_compiler(name: str, package: str) -> str:
             f"Install it with: apt-get install --no-install-recommends {package}",
         )
     return path
+
+
+def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
+    """Command of a toolchain's C compiler; for this computer gcc, else clang, else zig from pip."""
+    if tools is not HOST_GCC:
+        stands_in = tools.zig and find_spec("ziglang") and not shutil.which(tools.compiler)
+        return zig(tools.zig) if stands_in else (find_compiler(*tools.gcc),)
+    # What clang takes on Windows are another system's libraries.
+    for name in ("gcc", "clang")[: 1 if os.name == "nt" else 2]:
+        path = shutil.which(name)
+        # macOS has a gcc that only says how to install one.
+        if path is not None and _version((path,)) is not None:
+            return (path,)
+    if find_spec("ziglang") is None:
+        raise UserError(
+            "There is no C compiler: neither gcc nor clang, and not zig, which pip installs.",
+            "Install one: pip install 'esea-gen[compiler]', or "
+            f"apt-get install --no-install-recommends {HOST_GCC.package}",
+        )
+    return zig(this_platform().zig)
+
+
+def zig(target: str) -> tuple[str, ...]:
+    """Command of zig's C compiler for what it calls a target."""
+    package = from_extra("ziglang", "compiler", "What is compiled for other platforms")
+    # What it makes of libraries is kept; what it makes of ours is kept by us.
+    os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_folder() / "zig"))
+    os.environ.setdefault("ZIG_LOCAL_CACHE_DIR", scratch_folder())
+    program = Path(str(package.__file__)).parent / "zig"
+    # No -target would be this very processor, and its code runs on no older one.
+    return str(program), "cc", "-target", target, "-fno-sanitize=undefined"
 
 
 def run_tool(
@@ -57,17 +89,23 @@ def write_texts(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def compile_sources(
-    files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = ()
+    files: Mapping[str, str],
+    flags: Sequence[str] = (),
+    link: Sequence[str] = (),
+    target: str = "",
 ) -> Path:
-    """Compile C files into a shared library, once for a given content."""
-    gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
-    command = [gcc, *CFLAGS, *flags, "-shared"]
-    key = hashlib.sha256("\0".join([compiler_version(gcc), *command, *link]).encode())
+    """Compile C files into a shared library, once for a given content.
+
+    target: as zig calls it; without one this computer.
+    """
+    cc = zig(target) if target else compiler()
+    command = [*cc, *CFLAGS, *flags, "-shared"]
+    key = hashlib.sha256("\0".join([compiler_version(*cc), *command, *link]).encode())
     for name in sorted(files):
         key.update(f"\0{name}\0{files[name]}".encode())
-    target = cache_folder() / f"{key.hexdigest()[:32]}.so"
-    if target.is_file():
-        return target
+    kept = cache_folder() / f"{key.hexdigest()[:32]}.so"
+    if kept.is_file():
+        return kept
     with tempfile.TemporaryDirectory() as scratch:
         write_texts(Path(scratch), files)
         built = Path(scratch) / "library.so"
@@ -77,15 +115,29 @@ def compile_sources(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), scratch)
         if done.returncode != 0:
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
-        write_whole(target, built.read_bytes())  # a second process sees all of it or none
-    return target
+        write_whole(kept, built.read_bytes())  # a second process sees all of it or none
+    return kept
 
 
 @cache
-def compiler_version(compiler: str) -> str:
-    """First line of what a ``compiler`` says of its version; asked once a process."""
-    done = run_tool([compiler, "--version"], failed=f"{compiler} --version failed")
-    return done.stdout.splitlines()[0]
+def _version(command: tuple[str, ...]) -> str | None:
+    is_zig = command[1:2] == ("cc",)
+    done = run_tool([command[0], "version"] if is_zig else [*command, "--version"])
+    found = done.stdout.splitlines()[:1] if done.returncode == 0 else []
+    return "".join(["zig "[: 4 * is_zig], *found]) if found else None
+
+
+def compiler_version(*command: str) -> str:
+    """First line of what a compiler says of its version; asked once a process."""
+    found = _version(command)
+    if found is None:
+        raise RuntimeError(f"{' '.join(command)} --version failed")
+    return found
+
+
+def is_gcc(command: tuple[str, ...]) -> bool:
+    """Whether a compiler writes call graphs, and its toolchain the sizes of sections."""
+    return not re.search("clang|zig", compiler_version(*command))
 
 
 def _units(files: Mapping[str, str], folder: Path) -> list[str]:
@@ -107,9 +159,8 @@ def _units(files: Mapping[str, str], folder: Path) -> list[str]:
 @lru_cache(maxsize=16)
 def declared(text: str) -> cffi.FFI:
     """What cffi makes of C text, types and prototypes, whose only includes are standard ones."""
-    gcc = find_compiler(HOST_GCC.compiler, HOST_GCC.package)
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
-    command = [gcc, "-E", "-P", "-x", "c", "-std=c99", "-"]
+    command = [*compiler(), "-E", "-P", "-x", "c", "-std=c99", "-"]
     done = run_tool(command, failed="the header cannot be read", input=bare)
     ffi = cffi.FFI()
     ffi.cdef(done.stdout, override=True)

@@ -32,9 +32,10 @@ class HostLibrary:
         self.naming = renderer.naming
         self.files = renderer.files()
         driver = renderer.render("hostlib/driver.c.j2")
-        files = {n: t for n, t in self.files.items() if not n.startswith("reference/")}
-        link = ("-lm",) if renderer.fmt.needs_libm else ()
-        self.path = compile_sources(files | {"driver.c": driver}, flags, link)
+        own = {n: t for n, t in self.files.items() if not n.startswith("reference/")}
+        self.sources = own | {"driver.c": driver}
+        self.link = ("-lm",) if renderer.fmt.needs_libm else ()
+        self.path = compile_sources(self.sources, flags, self.link)
         # The driver's loops are declared by their own text: bodies are cut at the first brace.
         prototypes = re.sub(r"\)\s*\n\{.*?\n\}", ");", driver, flags=re.DOTALL)
         self.ffi = declared(self.files[f"{self.prefix}.h"] + prototypes)

@@ -203,6 +203,9 @@ class System:
         listed = [i for t in self.tasks for i in t.blocks]
         if WATCH in self.blocks:
             raise ValueError(f"no block may be called {WATCH}: the tasks' own watch is")
+        names = {k.name for k in self.kinds}
+        if len({n.lower() for n in names}) < len(names):  # one file on Windows and macOS
+            raise ValueError(f"of {sorted(names)} two differ only in upper and lower case")
         if sorted(listed) != sorted(self.blocks):
             raise ValueError(
                 f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"

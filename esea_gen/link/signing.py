@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 
 from esea_gen.link.transport import LinkError
+from esea_gen.portability import AT_ONCE, others_rights, rename_new, sync_folder, user_folder
 
 KEY_BYTES = 32
 MOST_FILE_BYTES = 4096
@@ -24,8 +25,7 @@ def new_key() -> bytes:
 
 
 def key_folder() -> Path:
-    given = os.environ.get("XDG_CONFIG_HOME") or "~/.config"
-    return Path(given).expanduser() / "esea-gen" / "keys"
+    return user_folder("config", "esea-gen") / "keys"
 
 
 def stored_keys(name: str = "") -> list[Path]:
@@ -53,12 +53,11 @@ def set_aside(path: Path) -> Path:
     for number in count(1):
         aside = path.with_name(f"{path.name}.unpaired-{number}")
         try:
-            os.link(path, aside)
+            rename_new(path, aside)
         except FileExistsError:
             continue
         except OSError as error:
             raise LinkError(f"{path} cannot be moved aside ({error.strerror})") from None
-        path.unlink()
         return aside
     raise AssertionError
 
@@ -71,18 +70,14 @@ def write_key(path: Path, key: bytes) -> None:
     try:
         try:
             handle = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-            os.link(scratch, path)
+            rename_new(scratch, path)
         finally:
             scratch.unlink(missing_ok=True)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(path.parent)
     except FileExistsError:
         what = f"{path} exists already"
         fix = "Use it with use_key, or give another file: a key that is lost locks you out."
@@ -94,8 +89,7 @@ def write_key(path: Path, key: bytes) -> None:
 def read_key(path: Path) -> bytes:
     """The key in a file, which nobody but its owner may be able to read."""
     try:
-        # Not waiting: a named pipe would never answer.
-        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        with open(os.open(path, os.O_RDONLY | AT_ONCE), "rb") as file:
             about = os.fstat(file.fileno())
             if not stat.S_ISREG(about.st_mode):
                 raise LinkError(f"{path} is no file", "Give the file that esea-host pair wrote.")
@@ -103,14 +97,14 @@ def read_key(path: Path) -> bytes:
     except OSError as error:
         fix = "Give the file that esea-host pair wrote."
         raise LinkError(f"{path} cannot be read ({error.strerror})", fix) from None
-    rights = stat.S_IMODE(about.st_mode)
-    if about.st_uid not in (0, os.geteuid()):
-        what = f"{path} belongs to another user (number {about.st_uid})"
+    owner, rights = others_rights(about)
+    if owner:
+        what = f"{path} belongs to another user (number {owner})"
         raise LinkError(
             what, "Whoever owns it can change it: use a copy of your own, or pair anew."
         )
-    if rights & 0o077:
-        what = f"{path} can be read or written by others (rights {rights:o})"
+    if rights:
+        what = f"{path} can be read or written by others (rights {stat.S_IMODE(about.st_mode):o})"
         raise LinkError(what, f"chmod 600 {path}; if others could log in meanwhile, pair anew.")
     try:
         key = bytes.fromhex(json.loads(data)["key"])

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import select
 import socket
 import subprocess
 import tempfile
-import termios
 import time
-import tty
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from esea_gen.portability import TERMINALS, lock_holder, raw_terminal
+
 RECEIVE_CHUNK_BYTES = 1 << 16
 STOP_S = 3.0
+BAUD, LEAST_BAUD, MOST_BAUD = 115_200, 50, 99_999_999
+SERIAL = "Write one such as serial:COM3:921600 or serial:/dev/ttyACM0:921600."
 
 
 class LinkError(RuntimeError):
@@ -90,21 +91,17 @@ class TcpTransport(SocketTransport):
 
 
 def _taken(path: str | Path) -> LinkError:
-    """Another program is connected through this file; Linux tells which."""
-    at, locks = os.stat(path), Path("/proc/locks")
-    name = f" {os.major(at.st_dev):02x}:{os.minor(at.st_dev):02x}:{at.st_ino} "
-    lines = locks.read_text().splitlines() if locks.exists() else []
-    owners = [x.partition(name)[0].split()[-1] for x in lines if name in x]
-    who = f"process {owners[0]}" if owners else "another program"
+    number = lock_holder(path)
+    who = f"process {number}" if number else "another program"
     return LinkError(f"{path} is in use: {who} is connected to the board", "End it first.")
 
 
 class SerialTransport(Transport):
-    def __init__(self, port: str, baud: int = 115200) -> None:
+    def __init__(self, port: str, baud: int = BAUD) -> None:
         try:
             import serial
         except ModuleNotFoundError:
-            fix = "Install it with: pip install 'esea-gen[link]'"
+            fix = 'Install it with: pip install "esea-gen[link]"'
             raise LinkError(f"{port}: pyserial is not installed", fix) from None
         try:
             self._port: Any = serial.Serial(port, baud, exclusive=True)
@@ -139,21 +136,14 @@ class PtyTransport(Transport):
     """A terminal without a device behind it, as a simulated board offers one."""
 
     def __init__(self, path: str | Path) -> None:
+        if not TERMINALS:
+            raise LinkError("this system has no pseudo terminals", "Use tcp:HOST:PORT.")
         try:
-            handle = os.open(path, os.O_RDWR | os.O_NOCTTY)
+            self._handle = raw_terminal(path)
+        except BlockingIOError:
+            raise _taken(path) from None
         except OSError as error:
             raise LinkError(f"{path} cannot be opened ({error.strerror})") from None
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)  # as pyserial does
-            tty.setraw(handle, termios.TCSANOW)  # not after a flush: what has come stays
-        except BlockingIOError:
-            os.close(handle)
-            raise _taken(path) from None
-        except termios.error as error:
-            os.close(handle)
-            raise LinkError(f"{path} is no terminal ({error.args[1]})") from None
-        os.set_blocking(handle, False)
-        self._handle = handle
 
     def read(self, timeout_s: float) -> bytes:
         try:
@@ -219,15 +209,29 @@ def open_transport(address: str) -> Transport:
     kind, _, rest = address.partition(":")
     before, _, last = rest.rpartition(":")
     if kind == "serial" and rest:
-        return SerialTransport(before, int(last)) if last.isdigit() else SerialTransport(rest)
+        return SerialTransport(*serial_port(rest))
     if kind == "tcp" and last.isdigit():
         return TcpTransport(int(last), before) if before else TcpTransport(int(last))
     if kind == "pty" and rest:
         return PtyTransport(rest)
     if kind == "file" and rest:
         return FileTransport(rest)
-    kinds = "serial:DEVICE[:BAUD], tcp:[HOST:]PORT, pty:PATH, file:PATH"
+    kinds = "serial:PORT[:BAUD], tcp:[HOST:]PORT, pty:PATH, file:PATH"
     raise LinkError(f"{address!r} is no address of a board", f"There is {kinds}.")
+
+
+def serial_port(place: str) -> tuple[str, int]:
+    """Port and bits a second of ``COM3:921600``, ``/dev/ttyACM0``; PORT as pyserial names it."""
+    port, colon, baud = place.rpartition(":")
+    digits = baud.isascii() and baud.isdigit()
+    if not colon or (":" in port and not digits):  # names of /dev/serial/by-path hold colons
+        port, baud, digits = place, str(BAUD), True
+    if not port or port != port.strip():
+        raise LinkError(f"'{place}' names no serial port", SERIAL)
+    if not digits or not LEAST_BAUD <= int(baud[:9]) <= MOST_BAUD:
+        what = f"'{baud}' is no rate of a serial port ({LEAST_BAUD} to {MOST_BAUD} baud)"
+        raise LinkError(what, SERIAL)
+    return port, int(baud)
 
 
 class Process:

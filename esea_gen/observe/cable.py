@@ -23,7 +23,7 @@ from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
-USED = ("backlash_rad", "backlash_most_rad", "contact_Nm", "rate_1_s")
+USED = ("backlash_rad", "backlash_most_rad", "loss", "contact_Nm", "rate_1_s")
 
 
 # The give is learnt at this share of the rate of the ends, for a torque that changes by 1 Nm; from
@@ -35,12 +35,14 @@ GIVES = "one over the cable's stiffness"
 
 
 EQUATIONS = """
-    [cable 1] | z | theta_g - theta_m - tau_e / k_c | where in the gap the cable lies
-    [cable 2] | z_e | Piecewise((z_high, tau_e > tau_0), (z_low, tau_e < -tau_0), \
+    [cable 1] | z | theta_g - theta_m - tau_k / k_c | where in the gap the cable lies
+    [cable 2] | tau_k | tau_e + l_c * Abs(tau_e) * Max(-1, Min(1, omega_g / omega_w)) | \
+        what the cable carries: the coupling's torque, and what rubs on the way
+    [cable 3] | z_e | Piecewise((z_high, tau_e > tau_0), (z_low, tau_e < -tau_0), \
         (Max(z_low, Min(z_high, z)), true)) | at an end while torque says so, else between both
-    [cable 3] | dz_end | (1 - exp(-L * h)) * (z - z_e) | \
+    [cable 4] | dz_end | (1 - exp(-L * h)) * (z - z_e) | \
         the end at which it lies is learnt; b = z_high - z_low
-    [cable 4] | w | z_e - (z_high + z_low) / 2 + tau_e / k_c | winding
+    [cable 5] | w | z_e - (z_high + z_low) / 2 + tau_k / k_c | winding
 """
 
 
@@ -52,7 +54,8 @@ def cable_of(device: DeviceData) -> tuple[Cable, Redundancy]:
 def wound_range_rad(device: DeviceData) -> float:
     """Largest winding of the cable, from the middle of its gap."""
     own, redundancy = cable_of(device)
-    by_torque = drive_of(device).tau_Nm / redundancy.cable_least_Nm_rad.value
+    carried_Nm = drive_of(device).tau_Nm * (1 + own.loss.value)
+    by_torque = carried_Nm / redundancy.cable_least_Nm_rad.value
     return threshold(1.01 * (0.5 * own.backlash_most_rad.value + by_torque))
 
 
@@ -75,7 +78,7 @@ class _Cable:
     def __init__(self, device: DeviceData) -> None:
         self.own, redundancy = cable_of(device)
         drive = self.drive = drive_of(device)
-        self.device = device
+        self.device, self.width = device, drive.actuator.coulomb_width_rad_s.value
         self.h = device.period_s
         self.give = 1 / redundancy.cable_Nm_rad.value
         self.usual, self.most = self.own.backlash_rad.value, self.own.backlash_most_rad.value
@@ -86,7 +89,8 @@ class _Cable:
         self.gear_lim = span * 1.01
         self.turned_lim = 1.01 * (self.gear_lim + side)
         self.softest = threshold(give_most_rad_Nm(device))
-        self.seen_lim = 1.01 * (self.turned_lim + drive.tau_Nm * self.softest)
+        pull_Nm = threshold(1.01 * drive.tau_Nm * (1 + self.own.loss.value))
+        self.seen_lim = 1.01 * (self.turned_lim + pull_Nm * self.softest)
         self.mean_share = 1 - math.exp(-self.h * MEAN_SHARE * self.own.rate_1_s.value)
         self.end_lim = 1.01 * (self.seen_lim + self.most)
         self.wound_lim = wound_range_rad(device)
@@ -114,6 +118,7 @@ class _Cable:
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
             Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+            around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
         )
         self.outputs = (
@@ -131,7 +136,10 @@ class _Cable:
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
-        carried = label("carried_rad", u.tau_Nm * s.give_rad_Nm, "[cable 1] winding by the torque")
+        lost = self.own.loss.value * ca.fabs(u.tau_Nm)
+        pull = u.tau_Nm + lost * clip(u.omega_gear_rad_s / self.width, -1.0, 1.0)
+        pull = label("pull_Nm", pull, "[cable 2] what the cable carries")
+        carried = label("carried_rad", pull * s.give_rad_Nm, "[cable 1] winding by it")
         seen = u.theta_gear_rad - u.theta_motor_rad - carried
         seen = label("seen_rad", seen, "[cable 1] where in the gap")
         # Without a sample before, the ends lie about this one.
@@ -140,8 +148,8 @@ class _Cable:
         pulls = label("pulls", u.tau_Nm > self.contact, "surely at the upper end")
         pushes = label("pushes", u.tau_Nm < -self.contact, "surely at the lower end")
         lies = ca.if_else(pulls, high, ca.if_else(pushes, low, clip(seen, low, high)))
-        lies = label("lies_rad", lies, "[cable 2] where it must lie")
-        off = label("learnt_rad", self.share * (seen - lies), "[cable 3]")
+        lies = label("lies_rad", lies, "[cable 3] where it must lie")
+        off = label("learnt_rad", self.share * (seen - lies), "[cable 4]")
         at_high = ca.logic_or(pulls, ca.logic_and(ca.logic_not(pushes), seen > high))
         at_low = ca.logic_or(pushes, ca.logic_and(ca.logic_not(pulls), seen < low))
         up, down = s.high_shown > 0.5, s.low_shown > 0.5
@@ -173,9 +181,9 @@ class _Cable:
             **give,
         }
         outputs = {
-            "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 2]"),
+            "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 3]"),
             "give_rad_Nm": give["give_rad_Nm"],
-            "gap_rad": label("gap_rad", ca.if_else(ok, gap, usual), "[cable 3]"),
+            "gap_rad": label("gap_rad", ca.if_else(ok, gap, usual), "[cable 4]"),
             "status": guard.status(ca.logic_not(ok)),
         }
         return next_state, outputs
@@ -188,14 +196,14 @@ class _Cable:
         turned = u.theta_gear_rad - u.theta_motor_rad
         by_angle = ca.if_else(goes_on, turned - s.mean_rad, 0.0)
         by_torque = ca.if_else(goes_on, u.tau_Nm - s.mean_Nm, 0.0)
-        by_torque = label("change_Nm", clip(by_torque, -1.0, 1.0), "[cable 5] since taut")
+        by_torque = label("change_Nm", clip(by_torque, -1.0, 1.0), "[cable 6] since taut")
         by_angle = clip(by_angle, -self.most, self.most)
-        missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 5]")
+        missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 6]")
         give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * missed * by_torque
         share = self.mean_share
         return {
             "taut": taut,
             "mean_rad": ca.if_else(goes_on, s.mean_rad + share * (turned - s.mean_rad), turned),
             "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
-            "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 5]"),
+            "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 6]"),
         }

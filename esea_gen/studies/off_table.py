@@ -80,7 +80,6 @@ class OffTable:
             "plant": first.setting.plant,
             "person": first.person,
             "format": first.setting.real,
-            **({"adapted": True} if first.setting.adapted else {}),
             "simulated": True,
             "seeds": list(first.seeds),
             "off": self.rows(),
@@ -93,9 +92,8 @@ class OffTable:
     def table(self) -> list[str]:
         first = self.done[0]
         seeds = len(first.seeds)
-        adapted = ", adapted" if first.setting.adapted else ""
         lines = [
-            f"{first.study.title}: plant {first.setting.plant}, person {first.person}{adapted}, "
+            f"{first.study.title}: plant {first.setting.plant}, person {first.person}, "
             f"simulated; "
             f"medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
             f"{'off':18}{'controller':14}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"

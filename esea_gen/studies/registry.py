@@ -7,7 +7,6 @@ file, ``FILE.py:name``, in the processes that run its cases as well.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import pkgutil
 from collections.abc import Callable, Iterable

@@ -25,6 +25,7 @@ class StepStudy(ClosedLoopStudy):
 
     name = "step"
     title = "Step of the desired torque, output fixed"
+    scales = True
     keeps = True
 
     def cases(self) -> list[Case]:
@@ -73,6 +74,7 @@ class Frequency(ClosedLoopStudy):
 
     name = "frequency"
     title = "Frequency response of the torque, output fixed"
+    scales = True
     keeps = True
 
     def cases(self) -> list[Case]:
@@ -125,6 +127,7 @@ class OutputImpedanceStudy(ClosedLoopStudy):
 
     name = "output-impedance"
     title = "Output impedance at 0 Nm, moved"
+    scales = True
     person = True
     keeps = True
 
@@ -143,7 +146,7 @@ class OutputImpedanceStudy(ClosedLoopStudy):
         return [Case(f"{SWEEP_RAD:g} rad", path, plant=firm)]
 
     def keep(self, case: Case, run: ClosedLoopRun) -> OutputImpedance:
-        angle = run.plant["theta_l_rad"] - SWEEP_MIDDLE_RAD
+        angle = run.plant["theta_l_rad"] - case.trajectory.start_rad
         return OutputImpedance.of(sweep_response(run.time_s, angle, run.plant["tau_e_Nm"], MOTION))
 
     def table(self, done: Simulation) -> list[str]:

@@ -6,6 +6,7 @@ torque of the true elastomer, and the torque that the sensor shows, with the des
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import math
@@ -13,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import without_axis
 from esea_gen.studies.registry import Study, load_study, study_file
-from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.case import Case, Scale, Setting
 from esea_gen.twin.controllers import controller_device, largest_torque_Nm
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand_plant import tunable_places
@@ -51,7 +52,6 @@ from esea_gen.twin.run import (
     PLANT_NAMES,
     axis_of,
     compiled_loop,
-    refuse_unadapted,
     run_case,
 )
 from esea_gen.twin.trajectories import RATE_HZ
@@ -66,6 +66,8 @@ MOST_PANELS = 4  # more cases than this are drawn as bars
 
 class ClosedLoopStudy(Study):
     person: ClassVar[bool] = False  # somebody moves the load; else the output is fixed
+    scales: ClassVar[bool] = False  # its cases are the elbow's, and another device's in proportion
+    scale: Scale = Scale()
     keeps: ClassVar[bool] = False  # table and JSON need what ``keep`` gives
     normalised: ClassVar[bool] = False  # errors over the largest torque, too: the thesis' measure
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -73,8 +75,18 @@ class ClosedLoopStudy(Study):
     def cases(self) -> list[Case]:
         raise UserError(f"study {self.name}: has no method cases.", "Write it: the list of cases.")
 
+    def of(self, device: Device) -> Self:
+        """The study on a device; one that scales, in the device's own torques and movements."""
+        made = copy.copy(self)
+        made.scale = Scale.of(device) if self.scales else Scale()
+        return made
+
+    def cases_run(self) -> list[Case]:
+        cases = self.cases()
+        return cases if self.scale == Scale() else [c.scaled(self.scale) for c in cases]
+
     def case(self, name: str) -> Case:
-        known = {c.name: c for c in self.cases()}
+        known = {c.name: c for c in self.cases_run()}
         choose(f"case of {self.name}", name, known)
         return known[name]
 
@@ -89,15 +101,17 @@ class ClosedLoopStudy(Study):
         s, runs = done.setting, len(done.seeds)
         off = f", off: {off_families()[s.off].meaning}" if s.off != NOTHING else ""
         heads = ["RMS true", "RMS model", "max true", "thesis", "limited", *ROUGH_HEADS]
+        width = max(32, *(1 + len(name) for name in done.by_case()))
         lines = [
             f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
             f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
-            f"{'case':32}" + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
+            f"{'case':{width}}"
+            + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
         ]
         for name, entries in done.by_case().items():
-            lines += _case_lines(name, entries, self.normalised)
+            lines += _case_lines(f"{name:{width}}", entries, self.normalised)
         full = controller_device(s.controller).tau_full_scale_Nm
-        asked = max(float(np.max(np.abs(c.trajectory.tau_desired_Nm))) for c in self.cases())
+        asked = max(float(np.max(np.abs(c.trajectory.tau_desired_Nm))) for c in self.cases_run())
         if asked > 1.001 * full:
             lines.append(
                 f"asked for up to {asked:.3g} Nm, above full scale, {full:.3g} Nm: what is beyond "
@@ -120,7 +134,7 @@ class ClosedLoopStudy(Study):
 
     def to_dict(self, done: Simulation) -> dict[str, Any]:
         """The setting, ``cases``, and percentiles by case where there are several seeds."""
-        s, names = done.setting, ("controller", "plant", "off", "adapted", "axis")
+        s, names = done.setting, ("controller", "plant", "off", "axis")
         content: dict[str, Any] = {
             "experiment": done.study.name,
             "title": done.study.title,
@@ -186,7 +200,7 @@ def _case_lines(name: str, entries: list[dict[str, Any]], normalised: bool) -> l
     reasons = dict.fromkeys(e["failure"] for e in entries if e.get("failure"))
     latched = sorted({int(e["fault_reason"]) for e in entries if e.get("fault_reason")})
     return [
-        f"{name:32}{row}  {said}".rstrip(),
+        f"{name}{row}  {said}".rstrip(),
         *(f"  latched: {Fault(n).name}, {FAULT_TEXT[Fault(n)]}" for n in latched),
         *(f"  failed: {reason}" for reason in reasons),
     ]
@@ -234,8 +248,7 @@ class Simulation:
 
     @property
     def more(self) -> str:
-        axis = f", {self.setting.axis}" if self.setting.axis else ""
-        return axis + (", adapted" if self.setting.adapted else "")
+        return f", {self.setting.axis}" if self.setting.axis else ""
 
     def cases(self) -> list[dict[str, Any]]:
         entries = []
@@ -328,8 +341,9 @@ def simulate_case(
 
     ``kept`` takes what the study keeps of this run, in this process.
     """
-    chosen = load_study(study, ClosedLoopStudy)
-    found, asked = chosen.case(case), Setting(**setting)
+    asked = Setting(**setting)
+    chosen = load_study(study, ClosedLoopStudy).of(controller_device(asked.controller))
+    found = chosen.case(case)
     try:
         run = run_case(found, asked, seed)
     except RanAwayError:
@@ -363,7 +377,7 @@ def simulate(
     if runs < 1 or seed < 0:
         raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
     device = controller_device(s.controller)
-    refuse_unadapted(device, s)
+    chosen = chosen.of(device)
     s = replace(s, axis=axis_of(device, s))
     if s.fault:
         _check_time(chosen, s.fault)
@@ -384,7 +398,7 @@ def simulate(
         parts["study"] = file_digest(file)
         study = f"{file.absolute()}:{chosen.name}"  # a worker has another working directory
     fixed = vars(s) | {"tunables": {k: dict(v) for k, v in s.tunables.items()}}
-    names = [c.name for c in chosen.cases()]
+    names = [c.name for c in chosen.cases_run()]
     seeds = tuple(range(seed, seed + runs))
     cases = [{"study": study, "case": n, "seed": k, **fixed} for k in seeds for n in names]
     keeping = chosen.keeps or (runs == 1 and len(names) <= MOST_PANELS)

@@ -20,6 +20,7 @@ class TuningCase(ClosedLoopStudy):
 
     name = "tuning"
     title = "Tuning case, output fixed"
+    scales = True
     thesis_Nm = MappingProxyType(
         {"smc-published": 0.590, "mpc-published": 0.386, "mpc-published-no-preview": 0.386}
     )
@@ -33,6 +34,7 @@ class Grid(ClosedLoopStudy):
 
     name = "grid"
     title = "Twelve points of the operating space, output fixed"
+    scales = True
 
     def cases(self) -> list[Case]:
         points = ((torque, f) for f, torques in GRID_NM.items() for torque in torques)
@@ -45,6 +47,7 @@ class Twists(ClosedLoopStudy):
 
     name = "twists"
     title = "The twelve points at three cable twists, output fixed"
+    scales = True
 
     def cases(self) -> list[Case]:
         return [
@@ -59,6 +62,7 @@ class Backdriven(ClosedLoopStudy):
 
     name = "backdriven"
     title = "Backdriven at 0 Nm"
+    scales = True
     person = True
 
     def cases(self) -> list[Case]:
@@ -70,6 +74,7 @@ class Bread(ClosedLoopStudy):
 
     name = "bread"
     title = "Bread cutting at 0 and 2 Nm"
+    scales = True
     person = True
 
     def cases(self) -> list[Case]:
@@ -81,6 +86,7 @@ class ImpedanceStudy(ClosedLoopStudy):
 
     name = "impedance"
     title = "Impedance: reaching in 2 s and back"
+    scales = True
     person = True
     normalised = True
 

@@ -90,7 +90,7 @@ def run_trial(
         instance, _, key = name.partition(".")
         tunables.setdefault(instance, {})[key] = x
     device = controller_device(controller)
-    (case,) = TuningCase().cases()
+    case = tuning_case(controller)
     run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
     figures = judge(case, run, largest_torque_Nm(device))
     over, reach = extremes(case, run)
@@ -106,6 +106,11 @@ def run_trial(
         phi = tunables.get("smc", {}).get("phi_rad_s", tunables_of(controller)[PHI].default)
         out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(s > phi))}
     return out
+
+
+def tuning_case(controller: str) -> Case:
+    (case,) = TuningCase().of(controller_device(controller)).cases_run()
+    return case
 
 
 def tunables_of(controller: str) -> dict[str, Tunable]:
@@ -262,7 +267,7 @@ class Tuning:
             "controller": self.controller,
             "plant": self.plant,
             "seed": self.seed,
-            "case": TuningCase().cases()[0].name,
+            "case": tuning_case(self.controller).name,
             "configuration": self.configuration.parts,
             "sweeps": [s.to_dict() for s in self.sweeps],
             "device_file": self.device_lines(),
@@ -270,7 +275,7 @@ class Tuning:
 
     def device_lines(self) -> list[str]:
         """What to write in a device file to have the chosen values, section by section."""
-        case = TuningCase().cases()[0].name
+        case = tuning_case(self.controller).name
         source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
         by_section: dict[str, list[str]] = {}
         for s in self.sweeps:
@@ -282,7 +287,7 @@ class Tuning:
         return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
 
     def table(self) -> list[str]:
-        case = TuningCase().cases()[0].name
+        case = tuning_case(self.controller).name
         lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
             lines += s.table()

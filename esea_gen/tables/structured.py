@@ -18,6 +18,7 @@ import numpy as np
 import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError, from_extra
+from esea_gen.portability import limit_memory
 from esea_gen.tables.table import (
     FileTable,
     TableFormat,
@@ -126,10 +127,8 @@ def apart(raw: bytes, name: str) -> Content:
 
 def send_mat(name: str) -> None:
     """Write a MATLAB file's content, from standard input, to standard output as ``.npz``."""
-    with suppress(ImportError, ValueError, OSError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_BYTES, MOST_MEMORY_BYTES))
+    with suppress(ValueError, OSError):
+        limit_memory(MOST_MEMORY_BYTES)
     try:
         content = mat_content(sys.stdin.buffer.read(), name)
     except UserError as error:

@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from esea_gen.devices import BEST_CONTROLLER
+from esea_gen.devices.file import DeviceData
 from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = 0, 1, 2
+GAINS = ("Kp_Nm_rad", "Kd_Nms_rad")
+# What the cases are written for: the elbow's full scale and range of motion, of which movements
+# take a quarter turn.
+FULL_NM, LOW_RAD, RANGE_RAD, MOVED_RAD = 4.47, -0.15, 2.65, math.pi / 2
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Torques and movements of a device, over those that the cases are written for."""
+
+    torque: float = 1.0
+    travel: float = 1.0
+    from_rad: float = 0.0  # where a movement begins that is written from 0 on
+    rest_rad: float = 0.0  # where a joint stands that is written to stand at 0
+
+    @classmethod
+    def of(cls, device: DeviceData) -> Scale:
+        safety = device.file.safety
+        if safety is None:
+            return cls()
+        low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
+        travel = min(1.0, (high - low) / RANGE_RAD)
+        first = max(0.0, low - travel * LOW_RAD)
+        last = high + travel * (LOW_RAD - MOVED_RAD)
+        rest = min(max(0.0, low), high)
+        return cls(device.tau_full_scale_Nm / FULL_NM, travel, min(first, last), rest)
 
 
 @dataclass(frozen=True)
@@ -20,6 +48,25 @@ class Case:
     # Tunables of the plant; with several axes, of the axis that is moved.
     plant: Mapping[str, float] = field(default_factory=dict)
 
+    def scaled(self, by: Scale) -> Case:
+        """The case in a device's own torques and range of motion; its name tells the factors."""
+        path, words = self.trajectory, [self.name]
+        words += [f"torque x{by.torque:.3g}"] * (by.torque != 1)
+        moves = bool(path.omega_p_rad_s.any())
+        words += [f"travel x{by.travel:.3g}"] * (moves and by.travel != 1)
+        path = replace(
+            path,
+            theta_p_rad=(by.from_rad if moves else by.rest_rad) + by.travel * path.theta_p_rad,
+            omega_p_rad_s=by.travel * path.omega_p_rad_s,
+            alpha_p_rad_s2=by.travel * path.alpha_p_rad_s2,
+            tau_desired_Nm=by.torque * path.tau_desired_Nm,
+        )
+        gains = {
+            of: {k: v * (by.torque if k in GAINS else 1.0) for k, v in given.items()}
+            for of, given in self.tunables.items()
+        }
+        return replace(self, name=", ".join(words), trajectory=path, tunables=gains)
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -30,5 +77,4 @@ class Setting:
     tunables: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fault: str = ""  # of an encoder, as ``--fault`` takes it
     off: str = "none"  # family of what differs from the model
-    adapted: bool = False  # to the rubber before, with a known mass
     axis: str = ""

@@ -12,7 +12,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
-from esea_gen.twin.case import TORQUE
+from esea_gen.twin.case import TORQUE, Case, Scale
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.people import PlantVariant
@@ -31,7 +31,7 @@ class RecordedDrive:
 
 
 def _tuning_case(device: Device, ticks: int) -> Trajectory:
-    path = tuning()
+    path = Case("tuning", tuning()).scaled(Scale.of(device)).trajectory
     longest_s = len(path.tau_desired_Nm) / RATE_HZ
     if not device.period_s <= ticks * device.period_s <= longest_s:
         raise UserError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -12,7 +11,7 @@ import numpy as np
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import Device
-from esea_gen.errors import UserError, choose
+from esea_gen.errors import choose
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
@@ -23,10 +22,16 @@ from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.off import deviation, refuse_unknown
-from esea_gen.twin.people import PlantVariant, ideal_plant, random_person, random_plant, real_plant
+from esea_gen.twin.people import (
+    PlantVariant,
+    ideal_plant,
+    limb_of,
+    random_person,
+    random_plant,
+    real_plant,
+)
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
-from esea_gen.twin.weighing import INSTANCE, found_by, weighing_case
 
 PLANT_NAMES = ("ideal", "real", "random")
 PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "random")
@@ -54,7 +59,8 @@ def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVa
     made = _stepped(device, made)
     if person == "none":
         return made.having(PEOPLE["none"], clamped=1.0)
-    return made.having(random_person(seed) if person == "random" else PEOPLE[person])
+    named = random_person(seed) if person == "random" else PEOPLE[person]
+    return made.having(limb_of(device, named))
 
 
 @lru_cache(maxsize=8)
@@ -125,24 +131,6 @@ def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
     return run_on(loop, device, variant, case, setting, seed)
 
 
-@lru_cache(maxsize=4)
-def _weighed(
-    loop: ClosedLoop, device: Device, plant: str, off: str, seed: int
-) -> Mapping[str, float]:
-    variant = plant_variant(device, plant, "ideal", seed)
-    setting = Setting(plant=plant, off=off)
-    return found_by(run_on(loop, device, variant, weighing_case(), setting, seed))
-
-
-def refuse_unadapted(device: Device, setting: Setting) -> None:
-    """Refuse a setting that asks for an adaptation which a device does not have."""
-    if setting.adapted and INSTANCE not in device.system.blocks:
-        raise UserError(
-            f"{device.origin}: the device has no section [adaptation] of one axis.",
-            "Add it, or leave --adapted out.",
-        )
-
-
 def run_on(
     loop: ClosedLoop,
     device: Device,
@@ -153,14 +141,9 @@ def run_on(
 ) -> ClosedLoopRun:
     """Run one case on a loop that is compiled already."""
     fixed = case.trajectory.clamped
-    refuse_unadapted(device, setting)
-    # What the same machine has learnt with a known mass before.
-    adapted = _weighed(loop, device, setting.plant, setting.off, seed) if setting.adapted else {}
     axis = axis_of(device, setting)
     signals = told(device, loop, case.trajectory, case.mode, axis)
     merged = {k: dict(v) for k, v in setting.tunables.items()}
-    if adapted:
-        merged[INSTANCE] = {**adapted, **merged.get(INSTANCE, {})}
     if "predictive" in device.system.blocks:
         chosen = {"load_free": 0.0 if fixed else 1.0}
         if case.mode == IMPEDANCE and setting.controller.startswith("mpc-published"):

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from esea_gen.board.firmware import compile_objects
 from esea_gen.emit.formats import FORMATS
-from esea_gen.hostlib.compiler import find_compiler, run_tool, write_texts
-from esea_gen.targets import HOST_GCC
+from esea_gen.hostlib.compiler import compiler, run_tool, write_texts
 
 _SAMPLES = re.compile(r"^(\d+) of (\d+) samples agree$", re.M)
 _LATCH = re.compile(r"^latch: (\d+) of (\d+) hold$", re.M)
@@ -34,15 +33,15 @@ class ExampleRun:
 def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> ExampleRun:
     """Compile an output folder's C into its example program, by its header's line, and run it."""
     fmt = FORMATS[real]
-    gcc = find_compiler(*HOST_GCC.gcc)
+    cc = compiler()
     flags = ["-std=c99", "-O0" if quick else "-O2", *fmt.compiler_flags.split()]
     with tempfile.TemporaryDirectory(prefix="esea-example-") as scratch:
         folder = Path(scratch)
         here = {n: t for n, t in files.items() if "/" not in n}
         write_texts(folder, here)
         sources = sorted(n for n in here if n.endswith(".c"))
-        parts = compile_objects(folder, HOST_GCC, flags, sources) if quick else sources
-        command = [gcc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]
+        parts = compile_objects(folder, cc, flags, sources) if quick else sources
+        command = [*cc, *flags, *map(str, parts), "-o", "example", *fmt.libraries.split()]
         made = run_tool(command, folder)
         if made.returncode != 0:
             return ExampleRun(0, 0, 0, 0, ("main.c: the example does not compile",), made.stderr)

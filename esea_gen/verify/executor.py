@@ -27,7 +27,7 @@ UINT32_MAX = 2**32 - 1
 @cache
 def _elementary() -> tuple[cffi.FFI, Any]:
     # The functions as compiled from the files that travel with the emitted C.
-    texts = {path.name: path.read_text() for path in source_paths()}
+    texts = {path.name: path.read_text(encoding="utf-8") for path in source_paths()}
     header = next(t for n, t in texts.items() if n.endswith(".h") and "tables" not in n)
     ffi = declared(header)
     return ffi, ffi.dlopen(str(compile_sources(texts)))

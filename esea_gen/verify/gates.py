@@ -137,12 +137,12 @@ def _stack(
     graphs = sorted(folder.glob("*.ci"))
     found = []
     for path in sorted(folder.glob("*.su")):
-        for line in path.read_text().splitlines():
+        for line in path.read_text(encoding="utf-8").splitlines():
             place, _, kind = line.split("\t")
             if "dynamic" in kind:
                 found.append(f"{place}: stack use depends on data ({kind})")
     for path in graphs:
-        if "__indirect_call" in path.read_text():
+        if "__indirect_call" in path.read_text(encoding="utf-8"):
             found.append(f"{path.stem}.o: calls through a pointer: stack use unknown")
     used = {}
     for task in device.system.tasks:

@@ -90,7 +90,7 @@ def count_step(
         named = {"entry": step, "low": "counted_low", "high": "counted_high"}
         plugin = ",".join([str(counting_plugin()), *(f"{k}=0x{at[s]}" for k, s in named.items())])
         answer = call_tool([*qemu, "-d", "plugin", "-D", log, "-plugin", plugin, "-kernel", image])
-        counted = [int(n) for n in re.findall(r"\d+", log.read_text())]
+        counted = [int(n) for n in re.findall(r"\d+", log.read_text(encoding="utf-8"))]
     found = re.search(r"^([0-9a-f]{8})$", answer, re.MULTILINE)
     if found is None or len(counted) != 4:
         raise RuntimeError(f"{board.title} did not answer: {answer}\n{counted}")

@@ -55,7 +55,7 @@ static void enter(esea_app_t *app, ESEA_STATE from)
         motion->rearm_asked = true;
     if (app->state == ESEA_STATE_LETTING_GO || app->state == ESEA_STATE_STOPPING) {
         motion->fade_left = esea_ticks(app->state == ESEA_STATE_STOPPING ? ESEA_STOP_OFF_MS : ESEA_FADE_MS);
-        esea_link_fade_from(&motion->wanted, app->out, motion->fade_from_Nm);
+        esea_link_fade_from(app->out, motion->fade_from_Nm);
     }
     if (app->state == ESEA_STATE_ARMED && from == ESEA_STATE_READY && app->port->blackbox != NULL &&
         esea_blackbox_frozen(app->port->blackbox))

@@ -1,4 +1,4 @@
-/* The state machine: where an event leads from a state.  docs/firmware.md has it as a table.
+/* The state machine: where an event leads from a state.  esea_gen/emit/states.toml has it as a table.
  *
  * License: MIT. */
 #ifndef ESEA_MACHINE_H

@@ -70,7 +70,7 @@ static void fade(esea_app_t *app)
     const uint32_t left = motion->fade_left > rest ? motion->fade_left - rest : 0u;
     const float share = (float)left / (float)esea_ticks(stops ? ESEA_STOP_FADE_MS : ESEA_FADE_MS);
 
-    esea_link_fade(&motion->wanted, motion->fade_from_Nm, share);
+    esea_link_fade(&motion->wanted, app->out, motion->fade_from_Nm, share);
     if (stops)
         esea_link_oppose(&motion->wanted, app->out, 1.0f - share);
     if (ends(&motion->fade_left))

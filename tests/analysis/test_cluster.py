@@ -197,7 +197,7 @@ def test_nobody_or_somebody_else_answers(monkeypatch, capsys, dask):
 def test_dask_is_not_installed(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     text, _ = command(monkeypatch, capsys, "tune", "--cluster", "127.0.0.1:8786")
-    assert "pip install 'esea-gen[cluster]'" in text
+    assert 'pip install "esea-gen[cluster]"' in text
 
 
 def test_workers_that_would_give_other_numbers_are_refused(monkeypatch, capsys, empty, tmp_path):

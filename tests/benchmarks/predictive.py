@@ -45,7 +45,7 @@ from .predictive_peer import step_times
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
 CYCLES_PER_INSTRUCTION = (1.0, 1.5, 2.0)
-AIM_BOUND, AIM_TYPICAL = 120_000, 45_000
+AIM_BOUND, AIM_TYPICAL = 60_000, 25_000
 
 
 @dataclass(frozen=True)

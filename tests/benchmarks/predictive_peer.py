@@ -7,6 +7,7 @@ QP are not in it, so that the comparison favours it.
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 from typing import Any
@@ -91,15 +92,17 @@ def flat_residuals(model: Model, horizon: Horizon) -> ca.Function:
     for k in range(horizon.intervals):
         force = model.u_max * plan[k]
         now = SimpleNamespace(**dict(zip(model.states, ca.vertsplit(x), strict=True)))
-        efforts += model.effort(now, force, p)
+        length = horizon.lengths_s[k]
+        weight = math.sqrt(length / horizon.interval_s)
+        efforts += [weight * e for e in model.effort(now, force, p)]
         for _ in range(horizon.substeps):
-            middle = horizon.ends_s[k] - 0.5 * horizon.interval_s
-            x = advance(x, force, horizon.substep_s, forecast(middle))
+            middle = horizon.ends_s[k] - 0.5 * length
+            x = advance(x, force, length / horizon.substeps, forecast(middle))
         now = SimpleNamespace(**dict(zip(model.states, ca.vertsplit(x), strict=True)))
         refs = SimpleNamespace(
             **{n: parts[s][k] if many else parts[s] for n, (s, many) in model.references.items()}
         )
-        errors += model.error(now, p, refs)
+        errors += [weight * e for e in model.error(now, p, refs)]
     residuals = ca.vertcat(*errors, *efforts)
     jacobian = ca.densify(ca.jacobian(residuals, plan))
     outputs = ca.cse([residuals, jacobian])

@@ -48,6 +48,8 @@ def test_the_set_up_installs_every_compiler_from_its_package():
     setup = (ROOT / ".ci" / "setup").read_text()
     for processor in targets.PROCESSORS.values():
         command, package = processor.toolchain.gcc
+        if processor.toolchain.zig:
+            continue  # pip's stands in
         assert re.search(rf'need {command} "{package}', setup), processor.name
 
 

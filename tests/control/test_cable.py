@@ -51,14 +51,17 @@ def cable(k: float, gap: float, zero: float, seconds: float = 7.0, torque=1.7):
     edge = math.sin(2 * math.pi * 0.6 * 0.025)
     carried = np.sign(phase) * np.maximum(np.abs(phase) - edge, 0) * torque
     lies = 0.5 * gap * np.clip(phase / edge, -1, 1)
-    wound = lies + carried / k
     motor = 0.4 + 0.06 * tau
+    # A tenth of what it carries rubs on the way, against the motion.
+    rate = np.gradient(motor, 1e-3)
+    wound = lies + (carried + 0.1 * np.abs(carried) * np.clip(rate / 0.05, -1, 1)) / k
     given = {
         "theta_gear_rad": motor + wound - zero,
         "gear_usable": np.ones(len(t)),
         "theta_motor_rad": motor,
         "motor_usable": np.ones(len(t)),
         "tau_Nm": carried,
+        "omega_gear_rad_s": rate,
         "mode": np.ones(len(t)),
     }
     return given, wound
@@ -74,7 +77,7 @@ def test_gap_stiffness_and_winding_are_learnt_whatever_the_zero(drive, k, gap, z
     late = slice(-1700, None)
     assert np.all(y["status"] == 0)
     assert y["gap_rad"][late] == pytest.approx(gap, abs=4e-4)
-    assert y["give_rad_Nm"][late] == pytest.approx(1 / k, abs=2.5e-4)
+    assert y["give_rad_Nm"][late] == pytest.approx(1 / k, abs=4e-4)
     assert y["wound_rad"][late] == pytest.approx(wound[late], abs=5e-4)
 
 

@@ -162,6 +162,23 @@ def test_a_recording_of_an_own_law_is_replayed_by_the_law_in_it(own, tmp_path):
 
 
 @pytest.mark.ci
+@pytest.mark.parametrize("law", ["mine.py:LAW", "cascade"])
+def test_a_device_under_another_law_is_recorded_and_replayed(law, tmp_path, monkeypatch):
+    from esea_host.recording.log import open_log
+    from esea_host.recording.replay import device_of
+    from esea_host.simulated.demo import run_demo
+
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text(f"{EXAMPLE}\n# named, and never trusted\n")
+    done = run_demo(f"{law}@elbow_drive", 1.0, tmp_path / "page.png")
+    assert done.verdict.same
+    Path("mine.py").unlink()
+    with open_log(done.recording) as log:
+        device = device_of(log)
+    assert [x.name for x in device.laws] == ["proportional" if ".py" in law else law]
+
+
+@pytest.mark.ci
 def test_a_latched_fault_is_named_and_the_exit_code_is_1(own):
     from typer.testing import CliRunner
 

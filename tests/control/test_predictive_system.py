@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.ahead import ahead
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import parse_device
@@ -184,7 +185,7 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
         "mode": np.where(t < 0.06, 0.0, 2.0),
         "rearm": (t >= 0.03) * 1.0,
     }
-    ends = len(previews(path, Horizon())["tau_preview_Nm"][0])
+    ends = len(previews(path, device_horizon(found))["tau_preview_Nm"][0])
     signals |= {
         "tau_preview_Nm": np.zeros((n, ends)),
         "theta_preview_rad": np.full((n, ends), offset_rad),
@@ -303,7 +304,7 @@ def test_the_object_code_passes_the_gates_of_a_drive_with_a_program(small):
     head = re.search(r"\nstatic void predictive_step\([^{]*{\n", files[name])
     head = head or re.search(r"\nvoid esea_small_predictive_step\([^{]*{\n", files[name])
     assert head
-    waste = "    volatile float waste[200];\n    waste[0] = 0.0f;\n"
+    waste = "    volatile float waste[256];\n    waste[0] = 0.0f;\n"
     files[name] = files[name][: head.end()] + waste + files[name][head.end() :]
     problems = check_objects(small, "cortex-m4f", files=files).problems
     assert any("above the limit" in p for p in problems)

@@ -109,7 +109,7 @@ def test_a_step_of_the_reference(drive):
     np.testing.assert_allclose(c.keep, np.exp(-H / t.blend_s))
     for name in ("Kp_Nm_rad", "Kd_Nms_rad", "tau_range_Nm"):
         np.testing.assert_array_equal(getattr(c, name), getattr(t, name))
-    sound = run.ok & run.whole
+    sound = run.ok & run.whole & (u.wish_ok > 0.5)
     mode = where(sound, np.ceil(u.mode - 0.5), 0)
     tau_d = clip(u.wish_gain * u.tau_desired_Nm + u.wish_shift_Nm, -TAU, TAU)
     spring = c.Kp_Nm_rad * (u.theta_desired_rad - u.theta_load_rad)
@@ -128,6 +128,8 @@ def test_a_step_of_the_reference(drive):
             "next_offset_Nm": where(mode > 0, offset, 0),
             "next_tau_set_Nm": tau_set,
             "y_tau_set_Nm": tau_set,
+            "y_tau_hold_Nm": (tau_set - u.wish_shift_Nm) / u.wish_gain,
+            "y_tau_blend_Nm": where(mode > 0, offset, 0) / u.wish_gain,
             "y_mode": mode,
             "y_request_ok": sound,
             "y_status": word(~run.ok, ~run.whole, clipped, (mode > 0) & changed),

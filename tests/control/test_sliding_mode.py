@@ -62,7 +62,7 @@ def bits(block) -> SimpleNamespace:
 
 
 def inputs_of(block, **values: float) -> dict[str, float]:
-    zero = {p.name: 1.0 if p.name == "wish_gain" else 0.0 for p in block.inputs}
+    zero = {p.name: float(p.name in ("wish_gain", "wish_ok")) for p in block.inputs}
     assert set(values) <= set(zero)
     return zero | {"mode": 1.0} | values
 

@@ -434,8 +434,8 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     monkeypatch.chdir(tmp_path)
     known = {"elbow": elbow, "elbow_drive": drive}  # loaded once, like their content hash
     monkeypatch.setattr(esea_gen, "load_device", lambda name, controller=None: known[name])
-    run = CliRunner().invoke
-    done = run(app, ["export", "fmu", "elbow", "--block", "velocity", "--fmi", "2"])
+    run, here = CliRunner().invoke, ["--platforms", "host"]
+    done = run(app, ["export", "fmu", "elbow", "--block", "velocity", "--fmi", "2", *here])
     assert done.exit_code == 0, done.output
     assert "esea_elbow_velocity.fmu" in done.output
     assert "content" in done.output
@@ -444,6 +444,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     for call, said in (
         (["elbow", "--block", "nobody"], "no Block 'nobody'"),
         (["elbow", "--fmi", "1"], "no such version"),
+        (["elbow", "--platforms", "mac"], "Give all or host"),
         (["elbow", "--real", "q31"], "no number format"),
         (["elbow", "--plant", "real"], "has no drive"),
         (["elbow", "--plant", "real", "--block", "sensor"], "ask for two"),
@@ -455,8 +456,8 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     missing = run(app, ["export", "check", "none.fmu"])
     assert "No such file" in str(missing.exception)
     monkeypatch.setitem(sys.modules, "fmpy", None)
-    bare = run(app, ["export", "fmu", "elbow", "--block", "velocity"])
-    assert "pip install 'esea-gen[fmu]'" in str(bare.exception)
+    bare = run(app, ["export", "fmu", "elbow", "--block", "velocity", *here])
+    assert 'pip install "esea-gen[fmu]"' in str(bare.exception)
 
 
 @pytest.mark.slow

@@ -245,7 +245,7 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package
     (tmp_path / "rig.csv").write_bytes({"hdf5": b"\x89HDF\r\n", "parquet": b"PAR1"}[kind])
     said = refused(mapped(tmp_path, ("[[recording]]", f'[format]\nkind = "{kind}"\n[[recording]]')))
     assert f"needs {package}, which is not installed" in said
-    assert "pip install 'esea-gen[files]'" in said
+    assert 'pip install "esea-gen[files]"' in said
 
 
 # What the device file and verification let pass.

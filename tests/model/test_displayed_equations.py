@@ -181,6 +181,7 @@ def test_the_prediction_moves_as_is_shown(impedance):
         "u_c": 0.15, "u_a": x["u_a"], "omega_m": x["omega_m"], "tau_e": x["tau_e"], "tau_h": 0.4,
         "omega_w": 0.05, "d_4": p["d4_rad_s2"], "tau_d": 0.9, "Q": p["root_q"] ** 2, "R": 2.0,
         "theta_l": x.get("theta_l"), "omega_l": x["omega_l"], "theta_d": 0.6, "omega_d": -0.3,
+        "sig": 0.8 * 27.64 / 32.76,
         "K_p": p.get("Kp_Nm_rad"), "K_d": p.get("Kd_Nms_rad"),
     }  # fmt: skip
 
@@ -201,6 +202,9 @@ def test_the_prediction_moves_as_is_shown(impedance):
     results = f(x["tau_e"] - f(0)[0])
     for number, rate in zip(moving, results[1:], strict=True):
         check(number, float(rate))
+    assert check("[sig]", 0.8 * 27.64 / 32.76, z=check("[z]", 0.8)) == pytest.approx(
+        np.tanh(0.8), abs=0.024
+    )
     ref = SimpleNamespace(tau_d=0.9, theta_d=0.6, omega_d=-0.3)
     (error,), (effort,) = model.error(state, parameters, ref), model.effort(state, 0.15, parameters)
     e = check("(5.24)" if impedance else "[error]", error / p["root_q"])

@@ -18,6 +18,7 @@ from esea_host.study.conductor import FrameTimes, appears, summary
 from esea_host.study.plan import generator
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text
 from esea_host.study.words import words_of
+from esea_host.windows.theme import BANNER_GROUND
 from esea_host.wrist.virtual import VirtualPerson, wrist_protocol
 from tests.conducted import TRACKING, beginning, ended, of_tasks, opening
 from tests.conftest import require_tool
@@ -138,10 +139,14 @@ def test_roles_are_told_apart_without_one_kind_of_cone(kind, colours):
 @pytest.mark.parametrize("colours", [COLOURS, ON_WHITE], ids=["dark", "light"])
 def test_every_role_stands_out_for_impaired_vision(colours):
     """WCAG 2.2: 3 to 1 for shapes (1.4.11), 7 to 1 for text (1.4.6)."""
-    light = {r: ((lab(c, BLIND["none"])[0] + 16) / 116) ** 3 + 0.05 for r, c in colours.items()}
-    ground = light.pop("background")
-    for role, y in light.items():
+
+    def light(colour: str) -> float:
+        return ((lab(colour, BLIND["none"])[0] + 16) / 116) ** 3 + 0.05
+
+    ground = light(colours["background"])
+    for role, y in ((r, light(c)) for r, c in colours.items() if r != "background"):
         assert max(y, ground) / min(y, ground) >= (7 if role == "text" else 3), role
+    assert light("#ffffff") / light(BANNER_GROUND) >= 7
 
 
 def test_something_appears_where_a_role_or_a_text_is_new():

@@ -39,6 +39,7 @@ BLOCKS = [
         "monitor",
         "passivity",
         "adaptation",
+        "interpolation",
     ),
     *("torque_lead", "smoothed_setpoint", "set_trend", "sliding_mode", "stamp"),
 ]

@@ -28,7 +28,7 @@ from tests.conducted import TRACKING, of_tasks, study_of
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 # 1440 x 900 at twice the size leaves 720 x 450, less the title of a window.
-SIZES_PX = ((1280, 720), (1366, 768), (1920, 1080), (1440, 900), (720, 425))
+SIZES_PX = ((1280, 720), (1366, 768), (1920, 1080), (1440, 900), (720, 425), (620, 310))
 LONG = "A refusal of the board that is as long as such a text can be, and then longer. " * 3
 
 
@@ -122,7 +122,7 @@ def test_stop_is_complete_and_at_its_place_at_every_size(feed, live, qtbot, tmp_
         assert button.size() == QSize(150, 92)
         assert (width - corner.x(), corner.y()) == (8, window.menus.height() + 4)
         assert button.visibleRegion().boundingRect() == button.rect()
-        for step in (s for s in window.bar.steps.values() if s.isVisible()):
+        for step in (s for s in window.bar.steps.values() if s.isVisible() and width > 700):
             assert step.visibleRegion().boundingRect() == step.rect(), step.name
         red = window.grab().toImage().pixelColor(corner - QPoint(12, -12))
         assert (red.red() > 150, red.green() < 80) == (True, True)
@@ -142,11 +142,13 @@ def test_without_a_motor_the_place_of_stop_says_so(qtbot):
     assert window.stop_button.visibleRegion().boundingRect() == window.stop_button.rect()
 
 
-def test_escape_that_closes_a_menu_does_not_stop_and_says_so(live, qtbot):
+def test_escape_that_closes_something_does_not_stop_all_else_does(live, qtbot):
     from PySide6.QtCore import QEvent, QPoint, Qt
     from PySide6.QtGui import QKeyEvent
     from PySide6.QtTest import QTest
     from PySide6.QtWidgets import QApplication, QLineEdit
+
+    from esea_host.windows.frame import ask_for_file
 
     menu = live.menus.actions()[0].menu()
 
@@ -190,6 +192,49 @@ def test_escape_that_closes_a_menu_does_not_stop_and_says_so(live, qtbot):
     assert (field.text(), live.stop_asked_s) == (" ", 0.0)
     QTest.keyClick(field, Qt.Key.Key_F12)
     assert live.stop_asked_s > 0.0
+    live.toggle_trigger()
+    live.toggle_dock("Parameters")
+    live.feed.ask()
+    table = live.parameters.table
+    for begin in (live.trigger_bar.level.setFocus, lambda: table.editItem(table.item(0, 2))):
+        begin()  # a number has no space in it
+        field, live.stop_asked_s = QApplication.focusWidget(), 0.0
+        QTest.keyClick(field, Qt.Key.Key_Space)
+        assert isinstance(field, QLineEdit)
+        assert (live.stop_asked_s > 0.0, " " in field.text()) == (True, False)
+    dialog, live.stop_asked_s = ask_for_file(live, "Recording", "", lambda _: None), 0.0
+    qtbot.waitUntil(dialog.isActiveWindow, timeout=120_000)
+    QTest.keyClick(dialog, Qt.Key.Key_Escape)
+    assert (dialog.isVisible(), live.stop_asked_s) == (False, 0.0)
+    dialog.show()  # it takes no press of the mouse from STOP
+    at = live.stop_button.mapTo(live, live.stop_button.rect().center())
+    QTest.mousePress(live.windowHandle(), Qt.MouseButton.LeftButton, pos=at)
+    assert live.stop_asked_s > 0.0
+
+
+@pytest.mark.parametrize("text", ["STOP\n(Space)", "ZATRZYMANIE\n(klawisz odstępu)"])
+def test_the_word_on_stop_is_complete_in_any_language(qtbot, text):
+    from esea_host.windows.bar import BoardBar
+
+    bar = BoardBar(text)
+    qtbot.addWidget(bar)
+    bar.show()
+    needed = bar.stop_button.fontMetrics().size(0, text)
+    assert needed.width() <= 150 - 12
+    assert needed.height() <= 92 - 8
+
+
+def test_a_motor_that_is_off_is_no_limit_that_acts(feed, live):
+    """Zeroed and ready: nothing is amiss; the history says since when the motor is off."""
+    feed.device.advance(0.3)
+    feed.device.zero()
+    feed.device.advance(1.0)
+    feed.gather()
+    feed.came_s = math.inf
+    feed.ask()
+    live.draw()
+    assert (live.bar.state.text(), live.bar.indicators.accessibleDescription()) == ("READY", "")
+    assert live.bands.names[0] == (0, "motor off")
 
 
 def test_zero_during_motion_is_refused_with_the_reason_and_a_failed_one_is_told(feed, live):

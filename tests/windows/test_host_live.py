@@ -306,6 +306,7 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
         assert len(before) - 1000 < rows < len(before)
         qtbot.waitUntil(lambda: feed.rings["sense_out"].total == rows, timeout=120_000)
         assert feed.rings["sense_out"].last().after_gap.sum() == 1
+        qtbot.waitUntil(window.panels[0].limit_lines[1].isVisible, timeout=120_000)
         qtbot.waitUntil(
             lambda: "b.mcap (damaged), its end" in window.bar.words.text(), timeout=120_000
         )
@@ -467,7 +468,8 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     qtbot.mousePress(arm, Qt.MouseButton.LeftButton, pos=hand)
     qtbot.mouseMove(arm, elbow + QPoint(round(0.5 * (hand - elbow).y()), (hand - elbow).y()))
     assert arm.push_rad == pytest.approx(math.atan(0.5), abs=0.02)
-    hands.reach(simulated_elbow)
+    board = simulated_elbow  # a thread reads the lines
+    qtbot.waitUntil(lambda: hands.reach(board) or board.pushes_rad[0] > 0, timeout=120_000)
     lockstep.advance(1.0)
     feed.gather()
     window.draw()
@@ -477,11 +479,10 @@ def test_the_virtual_arm_is_pushed_by_mouse_and_keys(simulated_elbow, lockstep, 
     qtbot.mouseRelease(arm, Qt.MouseButton.LeftButton, pos=hand)
     assert arm.push_rad == 0.0
     os.write(theirs, b"push 7\npush x\npu")  # too far, no number, half a line
-    hands.reach(simulated_elbow)
-    assert simulated_elbow.pushes_rad == [0.0]
+    qtbot.waitUntil(lambda: hands.reach(board) or board.pushes_rad == [0.0], timeout=120_000)
+    os.close(theirs)
     feed.close()
     simulated_elbow.pushes_rad = [0.0]
-    os.close(theirs)
 
 
 @pytest.mark.ci

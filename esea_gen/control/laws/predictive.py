@@ -41,9 +41,9 @@ def device_horizon(device: DeviceData) -> Horizon:
     asked, delay_s = device.file.predictive, predictive_delay_s(device)
     if asked is None:
         return Horizon(delay_s=delay_s)
-    return Horizon(
-        int(asked.intervals.value), asked.interval_s.value, int(asked.substeps.value), delay_s
-    )
+    many, substeps = int(asked.intervals.value), int(asked.substeps.value)
+    longer = 0 if asked.long_intervals is None else int(asked.long_intervals.value)
+    return Horizon(many, asked.interval_s.value, substeps, delay_s, longer)
 
 
 def drive_train(device: DeviceData) -> DriveTrain:

@@ -60,7 +60,8 @@ FAULTS = {
     ),
     Fault.SENSING: (
         "the sensing task could not vouch for its measurements",
-        "look at the encoders' status words: wiring, magnet, zero",
+        "look at the status words: an encoder's wiring, magnet, zero; where they say CONTRADICTED, "
+        "also whether the motor's amplifier is off or has tripped, or an obstacle blocks the drive",
         "the same step; what only contradicts, as the page on limits tells",
     ),
     Fault.CONTROL_STALE: (
@@ -109,12 +110,13 @@ FAULTS = {
         "the next control run and its release",
     ),
     Fault.SWINGS: (
-        "the command swung from one limit of the motor to the other, again and again",
+        "the command swung from one limit of the motor to the other, again and again, and the "
+        "torque was not the set one",
         "look for a loose encoder or cable, an encoder's noise; then smaller gains",
-        "1 s of full swings at 20 Hz, or 3 s at 13 Hz",
+        "0.6 s of full swings at 20 Hz, or 1 s at 13 Hz",
     ),
     Fault.ROUGH: (
-        "a joint encoder's angle was rougher than a sound encoder's noise",
+        "an encoder's angle was rougher than a sound encoder's noise",
         "the monitor's status word says which: its cable, shield, supply, magnet",
         "0.1 s of white noise of four times a sound encoder's",
     ),

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from functools import reduce
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
 from esea_gen.control.limits.safety import command_range, safety_sections
-from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
@@ -24,15 +23,14 @@ from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
+Watched = Side | Literal["gear"]
 SOUND, SWINGS, ROUGH, STUCK = range(4)
 LOUDER = 2.0  # times the noise of a sound encoder: rougher is no encoder's noise
 MOST = 4.0  # largest second difference that counts: one wild frame and the next make no roughness
 SWING_S = 1.0  # decay of the count of swings
 FULL = 0.9  # of the motor's largest torque: as good as at its limit
-# With sound sensing, a step of what is wished makes a law swing there and back.
-WISHES = ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
-WISH_STEP = 0.005  # of the full torque in a tick; a sine of that torque has it from 0.8 Hz at 1 kHz
-EXCUSED = 2.0  # swings of a step
+# A sound law chatters against a stiff hand, up to 28 times a second, but its torque is right.
+MISSED = 0.18  # of the full torque: a swing counts while the set torque is missed by more
 MEAN_TICKS = 16  # of the mean step, which tells slow from fast
 # Counts without a change of a low bit: of a sound one that is slow enough no more than one block of
 # 2^k, but noise may leap a small block again and again.
@@ -47,45 +45,66 @@ EQUATIONS = """
     [mon 4] | Abs(d_i) | Max(2 * 2**i + 2, 16, 32 * sigma) | at which the bit is stuck
 """
 SWINGING = """
-    [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second; \
-        the two after a step of what is wished do not count
+    [mon 5] | S | b * S + r / N | swings from limit to limit over the most in a second; r is 1 \
+        for one with a torque error of more than 0.18 of the full torque since the last
 """
 
 
-def encoder_monitor(device: DeviceData, side: Side) -> Block:
-    """Roughness and stuck bits of one joint encoder's count."""
+def encoder_monitor(device: DeviceData, side: Watched) -> Block:
+    """Roughness of an encoder's count, and stuck bits of a joint encoder's."""
     return Block.of(_EncoderMonitor(device, side))
 
 
+def _shaft(device: DeviceData) -> tuple[int, int, float]:
+    # Of the motor's encoder: bits, counts that it may turn by in a tick, and what motor and rubber
+    # together may bend its path by.
+    safety, actuator, *_ = safety_sections(device)
+    n, bits = actuator.gear_ratio.value, int(actuator.encoder_bits.value)
+    counts_rad = (1 << bits) * n / (2 * math.pi)
+    torque_Nm = n * safety.u_max_Nm.value + safety.tau_max_Nm.value
+    most = actuator.omega_max_rad_s.value * device.period_s * counts_rad
+    bend = torque_Nm / actuator.J_kgm2.value * device.period_s**2 * counts_rad
+    return bits, math.ceil(most) + 1, bend
+
+
 class _EncoderMonitor:
-    def __init__(self, device: DeviceData, side: Side) -> None:
-        own = section_of(device, "monitor")
+    def __init__(self, device: DeviceData, side: Watched) -> None:
+        own, bend = section_of(device, "monitor"), 0.0
         self.h, self.bits = device.period_s, int(device.file.encoder.resolution_bits.value)
-        self.full = 1 << self.bits
+        if side == "gear":
+            self.bits, reach, bend = _shaft(device)
+        else:
+            reach = step_max_counts(device, side) * (HELD_MAX + 1)
+        self.full, self.reach = 1 << self.bits, reach
         sigma = own.noise_rad.value * self.full / (2 * math.pi)
-        self.largest = math.sqrt(4 + 6 * (LOUDER * sigma) ** 2)
+        self.largest = math.sqrt(4 + 6 * (LOUDER * sigma) ** 2 + bend**2)
         self.share = 1 - math.exp(-self.h / own.window_s.value)
-        reach = self.reach = step_max_counts(device, side) * (HELD_MAX + 1)
-        # A bit that weighs more makes a step that the encoder's front end does not believe.
-        self.low = range(min(reach.bit_length(), self.bits))
+        # A bit that weighs more makes a step that the encoder's front end does not believe; the
+        # bits of the motor's encoder are compared.
+        self.low = range(0 if side == "gear" else min(reach.bit_length(), self.bits))
         least = max(LEAST_COUNTS, math.ceil(NOISES * sigma))
         self.room = [float(max((2 << i) + 2, least)) for i in self.low]
         self.name = f"encoder_monitor_{side}"
         self.title = f"Roughness and stuck bits of the {side}-side encoder"
+        if side == "gear":
+            self.title = "Roughness of the motor's own encoder"
         self.equations = equations(EQUATIONS)
         self.streams = OwnStreams(_events)
         bits = Constant("low_bits", len(self.low), "steps of these are believed", "derived")
         self.constants = (*device.constants("monitor")[:2], bits)
-        n, most = len(self.low), max(self.room)
-        self.state = (
+        n, most = len(self.low), max(self.room, default=0.0)
+        self.state: tuple[Port, ...] = (
             Port("followed", 0.0, 1.0, "1 when the last frame was good"),
             Port("count_last", 0, self.full - 1, "last good count"),
             around("step", reach, "last step, in counts", equation="[mon 1]"),
-            around("mean", reach, "mean step"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
-            Port("ones", 0.0, 1.0, "low bits of the last count, lowest first", n),
-            Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
         )
+        if self.low:
+            self.state += (
+                around("mean", reach, "mean step"),
+                Port("ones", 0.0, 1.0, "low bits of the last count, lowest first", n),
+                Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
+            )
         self.inputs = (
             Port("count", 0, self.full - 1, "raw count", on_invalid="count_last"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
@@ -96,7 +115,7 @@ class _EncoderMonitor:
                 "what is doubted of this encoder",
                 "count or frame word was NaN or outside its range: nothing is judged by it",
                 "the state was corrupt; watched afresh",
-                Flag("BIT_STUCK", "a bit of the count stays while the joint moves"),
+                *([Flag("BIT_STUCK", "a bit of the count stays while the joint moves")] * bool(n)),
                 Flag("ROUGH", "the angle is rougher than a sound encoder's noise makes it"),
             ),
         )
@@ -115,6 +134,11 @@ class _EncoderMonitor:
         bent = (now - ca.if_else(goes_on, s.step, 0.0)) * (1 / self.largest)
         bent = ca.fmin(ca.fabs(bent), MOST)  # so that the proof sees no square below 0
         roughness = s.roughness + self.share * (bent * bent - s.roughness)
+        rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
+        next_state = {"followed": good, "count_last": count, "step": now, "roughness": roughness}
+        if not self.low:
+            doubt = ca.if_else(rough, float(ROUGH), float(SOUND))
+            return next_state, {"doubt": doubt, "status": guard.status(rough)}
         mean = label("mean_step", s.mean + (now - s.mean) * (1 / MEAN_TICKS))
         ones, rest = [ca.SX(0)] * self.bits, count
         for i in reversed(range(self.bits)):
@@ -131,14 +155,7 @@ class _EncoderMonitor:
             moved.append(ca.if_else(same, ca.if_else(held, s.moved[i], on), 0.0))
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
-        rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
-        next_state: dict[str, Any] = {
-            "followed": good,
-            "count_last": count,
-            "step": now,
-            "mean": mean,
-        }
-        next_state |= {"roughness": roughness, "ones": ones[: len(moved)], "moved": moved}
+        next_state |= {"mean": mean, "ones": ones[: len(moved)], "moved": moved}
         doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
 
@@ -151,6 +168,7 @@ def monitor(device: DeviceData) -> Block:
 class _Monitor:
     def __init__(self, device: DeviceData) -> None:
         own, (safety, *_) = section_of(device, "monitor"), safety_sections(device)
+        self.gear = device.file.redundancy is not None
         self.h = device.period_s
         self.u_max = threshold(safety.u_max_Nm.value)
         self.u_step = threshold(safety.u_rate_Nm_s.value * self.h)
@@ -160,26 +178,24 @@ class _Monitor:
         self.equations = equations(SWINGING)
         self.streams = OwnStreams(_commands)
         self.constants = tuple(device.constants("monitor")[2:])
-        drive, (self.kp, self.kd) = drive_of(device), largest_gains(device)
-        self.wish_step = threshold(WISH_STEP * device.tau_full_scale_Nm)
-        low, high, omega = drive.theta_low_rad, drive.theta_high_rad, drive.omega_rad_s
-        wish = 1.01 * (drive.tau_Nm + self.kp * max(-low, high) + self.kd * omega)
+        tau, full = drive_of(device).tau_Nm, threshold(device.tau_full_scale_Nm)
+        self.missed = threshold(MISSED * full)
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
             Port("limit_last", -1.0, 1.0, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
-            around("wish_last_Nm", threshold(wish), "what was wished, by the largest gains"),
-            Port("excused", 0.0, EXCUSED, "swings that its last step may still make"),
+            Port(
+                "missed_Nm", 0.0, 1.01 * (tau + full), "largest torque error since the last swing"
+            ),
         )
         self.inputs = (
             Port("doubt_motor", SOUND, STUCK, "of the motor-side encoder"),
             Port("doubt_load", SOUND, STUCK, "of the load-side encoder"),
+            *([Port("doubt_gear", SOUND, STUCK, "of the motor's own encoder")] * self.gear),
             around("u_command_Nm", command_range(device), "command before the limits"),
-            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
-            around("tau_desired_Nm", drive.tau_Nm, "wanted interaction torque"),
-            Port("theta_desired_rad", low, high, "wanted angle of the joint"),
-            around("omega_desired_rad_s", omega, "wanted rate of the joint"),
+            around("tau_set_Nm", full, "set torque"),
+            around("tau_Nm", tau, "measured interaction torque"),
         )
         self.outputs = (
             Port("doubt", SOUND, STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
@@ -197,19 +213,15 @@ class _Monitor:
         at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
         at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
         swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
-        moved = self.kp * u.theta_desired_rad + self.kd * u.omega_desired_rad_s
-        wish = u.tau_desired_Nm + ca.if_else(u.mode > 1.5, moved, 0.0)
-        wish = label("wish_Nm", wish, "what is wished, by the largest gains")
-        stepped = label("stepped", ca.fabs(wish - s.wish_last_Nm) > self.wish_step)
-        excused = label("excuses", ca.if_else(stepped, EXCUSED, s.excused))
-        counts = ca.logic_and(swung, excused < 0.5)
+        missed = ca.fmax(s.missed_Nm, ca.fabs(u.tau_set_Nm - u.tau_Nm))
+        counts = ca.logic_and(swung, label("missed_Nm", missed, "torque error") > self.missed)
         swings = s.swings * self.decay + ca.if_else(counts, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
         last = ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last)
         next_state = {"u_last_Nm": followed, "limit_last": last, "swings": swings}
-        next_state["wish_last_Nm"] = wish
-        next_state["excused"] = ca.fmax(excused - ca.if_else(swung, 1.0, 0.0), 0.0)
+        next_state["missed_Nm"] = ca.if_else(swung, 0.0, missed)
         doubt = ca.fmax(ca.fmax(u.doubt_motor, u.doubt_load), often)
+        doubt = ca.fmax(doubt, u.doubt_gear) if self.gear else doubt
         return next_state, {"doubt": doubt, "status": guard.status(often)}
 
 
@@ -234,8 +246,7 @@ def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
     high = {p.name: p.high for p in block.inputs}
     u = high["u_command_Nm"] * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
     motor, load = (np.where(part, t // 100 % 4, 0) for part in (t > 1600, t < 800))
-    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u, "mode": 1 + t // 1200 % 2}
-    # Wishes that stand still, then each in steps, with the swings of the command.
-    for i, name in enumerate(WISHES):
-        x[name] = 0.5 * high[name] * np.where(t // 300 % 4 == i, t // 37 % 2, 1)
-    return [Stream("to and fro", x)]
+    # The torque is missed by half of the full one, by a little, and with either sign.
+    missed = 0.5 * high["tau_set_Nm"] * np.array([1, 0.1, -1])[(t // 300 % 3).astype(int)]
+    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u}
+    return [Stream("to and fro", x | {"tau_set_Nm": missed, "tau_Nm": 0 * t})]

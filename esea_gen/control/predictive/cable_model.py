@@ -36,17 +36,22 @@ class CableModel:
         self.soft, self.inside = soft_Nm_rad, inside
         self.give_most = threshold(give_most_rad_Nm(device))
 
+    def pull(self, t: Tape, tau_e: Any) -> Any:
+        # Far beyond the elastomer's range its stiffness makes steps of ``follow`` overshoot
+        # without end.
+        return t.keep(
+            "pull",
+            _held_to(tau_e, self.tau_lim),
+            {tau_e: lambda _: ca.if_else(ca.fabs(tau_e) < self.tau_lim, 1, 0)},
+        )
+
     # First as if inside the gap, where ``held`` stays wound; of what is then beyond one of its ends
     # the share ``back`` goes on into the elastomer.
-    def follow(self, t: Tape, x: SimpleNamespace, turned: Any, p: SimpleNamespace) -> Any:
-        """Deflection after the gear has ``turned`` against the load."""
-        # Far beyond the elastomer's range its stiffness makes such steps overshoot without end.
-        pull = t.keep(
-            "pull",
-            _held_to(x.tau_e, self.tau_lim),
-            {x.tau_e: lambda _: ca.if_else(ca.fabs(x.tau_e) < self.tau_lim, 1, 0)},
-        )
-        held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * pull)
+    def follow(
+        self, t: Tape, x: SimpleNamespace, turned: Any, carried_Nm: Any, p: SimpleNamespace
+    ) -> Any:
+        """Deflection after the gear has ``turned`` against the load; the cable carries a torque."""
+        held = t.let("held", self.by_angle * (turned - x.delta) + self.by_torque * carried_Nm)
         half = 0.5 * p.gap_rad
         back = (1 - self.inside * p.give_rad_Nm) / (1 + self.soft * p.give_rad_Nm)
         over = t.keep(
@@ -56,12 +61,12 @@ class CableModel:
         )
         return t.let("delta_next", turned - held + back * over)
 
-    def coulomb(self, t: Tape, fc_Nm: float, tau_e: Any) -> Any:
+    def coulomb(self, t: Tape, fc_Nm: float, pull: Any) -> Any:
         """Coulomb friction with what the cable loses: a share of its torque, against the motion."""
         return t.keep(
             "coulomb",
-            fc_Nm + self.loss * ca.fabs(tau_e),
-            {tau_e: lambda _: ca.if_else(tau_e < 0, -self.loss, self.loss)},
+            fc_Nm + self.loss * ca.fabs(pull),
+            {pull: lambda _: ca.if_else(pull < 0, -self.loss, self.loss)},
         )
 
     def constants(self, device: DeviceData) -> tuple[Constant, ...]:

@@ -31,11 +31,13 @@ class Horizon:
     interval_s: float = 0.02
     substeps: int = 4
     delay_s: float = 0.001
+    long_intervals: int = 0  # so many, the last, are twice as long
 
     def __post_init__(self) -> None:
         for name, value, (low, high) in (
             ("intervals", self.intervals, INTERVALS),
             ("substeps", self.substeps, SUBSTEPS),
+            ("long_intervals", self.long_intervals, (0, self.intervals - 1)),
         ):
             if not low <= value <= high:
                 raise UserError(
@@ -47,7 +49,7 @@ class Horizon:
                 f"Predictive control: interval_s is {self.interval_s}; above 0 to 10 is possible.",
                 "Change it.",
             )
-        length_s = self.intervals * self.interval_s
+        length_s = (self.intervals + self.long_intervals) * self.interval_s
         if not 0 <= self.delay_s <= length_s:
             raise UserError(
                 f"Predictive control: delay_s is {self.delay_s}; 0 to the horizon's "
@@ -65,9 +67,23 @@ class Horizon:
         return math.ceil(self.delay_s / self.substep_s - 1e-9)
 
     @property
+    def grids(self) -> tuple[tuple[int, int, int], ...]:
+        """Of intervals of one length: first, stop, and how many times ``interval_s`` each takes."""
+        near = self.intervals - self.long_intervals
+        return ((0, near, 1), *(((near, self.intervals, 2),) if self.long_intervals else ()))
+
+    @property
+    def lengths_s(self) -> tuple[float, ...]:
+        return tuple(many * self.interval_s for a, b, many in self.grids for _ in range(a, b))
+
+    @property
     def ends_s(self) -> tuple[float, ...]:
         """End of every interval, counted from the measurement."""
-        return tuple(self.delay_s + (i + 1) * self.interval_s for i in range(self.intervals))
+        near = self.intervals - self.long_intervals
+        return tuple(
+            self.delay_s + (i + max(0, i - near)) * self.interval_s
+            for i in range(1, self.intervals + 1)
+        )
 
 
 @dataclass(frozen=True)

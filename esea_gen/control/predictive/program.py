@@ -6,6 +6,7 @@ real-time iteration a step (M. Diehl et al., J. Process Control 12(4), 2002).
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -49,7 +50,10 @@ class _Writer:
         n, nx = horizon.intervals, len(model.states)
         self.n, self.nx = n, nx
         self.qp: QpMemory = add_box_qp(b, n, cap)
-        self.lin = linearise(model, horizon.substep_s, model.u_max)
+        # One a length of intervals: what each takes is folded into its kernels.
+        self.lins = [
+            linearise(model, many * horizon.substep_s, model.u_max) for *_, many in horizon.grids
+        ]
         self.late: Linearised | None = None
         if horizon.delay_s > 0:
             self.late = linearise(model, horizon.delay_s / horizon.delay_substeps, model.u_max)
@@ -70,8 +74,12 @@ class _Writer:
         self.w = b.array("w", max(1, len(model.forecasts)), meaning="forecasts, this interval")
         self.r = b.array("ref", max(1, len(model.references)), meaning="references")
         self.u = b.array("u", 1, meaning="input of this interval")
-        self.named = b.array("named", max(1, self.lin.named), meaning="values before the memory")
-        self.k = b.array("k", max(1, self.lin.coefficients), meaning="derivatives of a substep")
+        self.named = b.array(
+            "named", max(1, *(x.named for x in self.lins)), meaning="values before the memory"
+        )
+        self.k = b.array(
+            "k", max(1, *(x.coefficients for x in self.lins)), meaning="derivatives of a substep"
+        )
         self.delta = b.array("delta", 1, meaning="deflection of the memory, last")
         self.ahead = b.array("delta_next", 1, meaning="deflection of the memory, next")
         self.tau = b.array("tau_memory", 1, meaning="torque of the memory")
@@ -92,12 +100,13 @@ class _Writer:
             self.stops.write()
         with b.part("guard", comment="Valid inputs; others are replaced."):
             self.guarded = guard_inputs(b, m.inputs, self.valid)
-        self._substep()
-        # Rows of the residuals' Jacobian, by interval: parts with the interval as a parameter.
-        for kind, where in (("effort", "start"), ("error", "end")):
-            comment = f"Residuals at the {where} of an interval, with gradients."
-            with b.part(kind, "k", comment=comment) as (k,):
-                self._residuals(k, kind)
+        for lin, (*_, many) in zip(self.lins, self.z.grids, strict=True):
+            self._substep(lin, _suffix(many))
+            # Rows of the residuals' Jacobian, by interval: parts with the interval as a parameter.
+            for kind, where in (("effort", "start"), ("error", "end")):
+                comment = f"Residuals at the {where} of an interval, with gradients."
+                with b.part(kind + _suffix(many), "k", comment=comment) as (k,):
+                    self._residuals(k, kind, many)
         self._gram()
         self._step()
         return Program.define(
@@ -115,27 +124,25 @@ class _Writer:
             equations=m.equations,
         )
 
-    def _substep(self) -> None:
+    def _substep(self, lin: Linearised, suffix: str) -> None:
         b, nx, n = self.b, self.nx, self.n
-        k = self.k[0 : self.lin.coefficients]
-        with b.part("substep", "t", "interval", comment="One substep with all sensitivities.") as (
-            t,
-            interval,
-        ):
+        k = self.k[0 : lin.coefficients]
+        comment = "One substep with all sensitivities."
+        with b.part(f"substep{suffix}", "t", "interval", comment=comment) as (t, interval):
 
             def history(j: Ix) -> Ref:
                 return self.stops.sensitivity(t, j) if self.stops else self.unused[0]
 
-            self._nominal(self.lin, t, k)
+            self._nominal(lin, t, k)
             with b.loop(0, interval, most=n - 1) as j:
                 b.run(
-                    self.lin.column,
+                    lin.column,
                     [self.dx[nx * j : nx], k, self.back[j]],
                     [self.dx[nx * j : nx], history(j)],
                     "An input of an earlier interval.",
                 )
             b.run(
-                self.lin.newest,
+                lin.newest,
                 [self.dx[nx * interval : nx], k, self.back[interval]],
                 [self.dx[nx * interval : nx], history(interval)],
                 "The input of this interval.",
@@ -171,7 +178,6 @@ class _Writer:
         sound = b.array("sound", 1, meaning="1 when the plan was")
         unroll = n <= UNROLL_MOST
         qp = self.qp
-        share = min(1.0, self.period_s / z.interval_s)
         with b.part("step", comment=""):
             b.invoke("guard")
             b.call("good", [], [sound[0]], one)
@@ -190,13 +196,14 @@ class _Writer:
                     lambda v, ok: ca.if_else(ok, v, 0),
                 )
             # Warm start: the last plan, a period later.
-            with b.loop(0, n - 1, unroll=unroll) as j:
-                b.call(
-                    "shift_plan",
-                    [qp.x[j], qp.x[j + 1]],
-                    [qp.x[j]],
-                    lambda a, c: a + share * (c - a),
-                )
+            for first, stop, many in z.grids:
+                share = min(1.0, self.period_s / (many * z.interval_s))
+
+                def shift(a: Any, c: Any, share: float = share) -> Any:
+                    return a + share * (c - a)
+
+                with b.loop(first, min(stop, n - 1), unroll=unroll) as j:
+                    b.call("shift_plan", [qp.x[j], qp.x[j + 1]], [qp.x[j]], shift)
             for array, bound in ((qp.low, _minus_one), (qp.high, one)):
                 with b.loop(0, array.size, unroll=unroll) as j:
                     b.call(f"fill_{array.name}", [], [array[j]], bound)
@@ -210,23 +217,24 @@ class _Writer:
                 else:
                     with b.loop(0, z.delay_substeps, name="late"):
                         self._nominal(self.late, Ix(0))
-            with b.loop(0, n, name="interval") as k:
-                self._interval(k)
+            for first, stop, many in z.grids:
+                with b.loop(first, stop, name="interval") as k:
+                    self._interval(k, _suffix(many))
             b.invoke("gram")
             b.invoke("qp_solve")
             self._report(valid, sound)
 
-    def _interval(self, k: Ix) -> None:
+    def _interval(self, k: Ix, suffix: str) -> None:
         m, b, nx, z, qp = self.m, self.b, self.nx, self.z, self.qp
         b.call("input", [qp.x[k]], [self.u[0]], lambda v: m.u_max * v)
         self._forecast(k)
         with b.loop(0, nx, unroll=True) as i:
             b.call("none", [], [self.dx[nx * k + i]], zero)
         b.call("none", [], [self.back[k]], zero)
-        b.invoke("effort", k)
+        b.invoke(f"effort{suffix}", k)
         with b.loop(0, z.substeps, name="substep") as s:
-            b.invoke("substep", k * z.substeps + s, k)
-        b.invoke("error", k)
+            b.invoke(f"substep{suffix}", k * z.substeps + s, k)
+        b.invoke(f"error{suffix}", k)
 
     def _start(self) -> None:
         m, b = self.m, self.b
@@ -262,7 +270,8 @@ class _Writer:
         if not m.forecasts:
             return
         # The last entry is for the delay itself.
-        middles = [end - 0.5 * z.interval_s for end in z.ends_s] + [0.5 * z.delay_s]
+        middles = [end - 0.5 * h for end, h in zip(z.ends_s, z.lengths_s, strict=True)]
+        middles.append(0.5 * z.delay_s)
         shapes = [m.shape(t) for t in middles]
         table = b.memory.get("middle") or b.table("middle", shapes, "shape of the forecasts")
         names = [p.name for p in m.inputs if p.size == 1]
@@ -276,7 +285,7 @@ class _Writer:
         p = self.p[0 : len(m.parameters)]
         b.call("forecast", [table[k], p, *values], [self.w[0 : len(m.forecasts)]], forecast)
 
-    def _residuals(self, k: Ix, kind: str) -> None:
+    def _residuals(self, k: Ix, kind: str, many: int) -> None:
         m, b, nx, effort = self.m, self.b, self.nx, kind == "effort"
         x = ca.SX.sym("x", nx)
         u = ca.SX.sym("u")
@@ -295,12 +304,15 @@ class _Writer:
         triangle = b.memory["qp_row"]
         for number, row in enumerate(rows):
             name = f"{kind}_{number}"
-            value = b.array(f"{name}_value", self.n, meaning="residual, by interval")
-            gradient = b.array(
-                f"{name}_rows", self.n * (self.n + 1) // 2, meaning="its gradient, packed rows"
-            )
-            self.rows.append((value, gradient))
-            expression = ca.SX(row)
+            if many == 1:
+                size, text = self.n * (self.n + 1) // 2, "its gradient, packed rows"
+                value = b.array(f"{name}_value", self.n, meaning="residual, by interval")
+                gradient = b.array(f"{name}_rows", size, meaning=text)
+                self.rows.append((value, gradient))
+            value, gradient = b.memory[f"{name}_value"], b.memory[f"{name}_rows"]
+            name += _suffix(many)
+            # The sum stands for an integral: a long interval weighs more.
+            expression = ca.SX(row) * math.sqrt(many) if many > 1 else ca.SX(row)
             by_x, by_u = ca.jacobian(expression, x), ca.jacobian(expression, u)
             used = [int(c) for c in by_x.sparsity().get_col()]
             partial = [ca.simplify(by_x[0, c]) for c in used]
@@ -423,6 +435,10 @@ class _Writer:
                 )
             ),
         )
+
+
+def _suffix(many: int) -> str:
+    return "" if many == 1 else "_long"
 
 
 def _minus_one() -> Any:

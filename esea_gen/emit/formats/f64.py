@@ -59,7 +59,9 @@ def casadi_c(system: System) -> dict[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(folder + "/")
         return {
-            f"reference/{stem}{ending}": (Path(folder) / f"{stem}{ending}").read_text()
+            f"reference/{stem}{ending}": (Path(folder) / f"{stem}{ending}").read_text(
+                encoding="utf-8"
+            )
             for ending in (".c", ".h")
         }
 

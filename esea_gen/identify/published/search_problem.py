@@ -13,7 +13,6 @@ References
 from __future__ import annotations
 
 import hashlib
-import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,6 +28,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.space import Space, linear_bounds
 from esea_gen.language.ports import Array
+from esea_gen.portability import processors
 
 Residual = Callable[[Array], Array]
 
@@ -169,7 +169,7 @@ class SearchProblem:
     ) -> None:
         self.plant, self.space, self.memo, self.how, self.tell = plant, space, memo, how, tell
         self.low, self.high = space.low, space.high
-        self.threads = how.jobs if how.jobs > 0 else len(os.sched_getaffinity(0))
+        self.threads = how.jobs if how.jobs > 0 else processors()
         self.evaluations = 0
         self.best: tuple[float, Array] = (np.inf, space.low)
         self._curve: list[tuple[float, float]] = []

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from esea_gen.language.ports import Array
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
-from esea_gen.twin.case import Setting
-from esea_gen.twin.controllers import controller_system
+from esea_gen.twin.case import Scale, Setting
+from esea_gen.twin.controllers import controller_device, controller_system
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
@@ -99,7 +99,8 @@ def check_sliding(
     layers = (wide.default, max(wide.low, NARROW * wide.default))
     found = []
     for plant, phi, (study, name) in product(plants, layers, cases):
-        case = load_study(study, ClosedLoopStudy).case(name)
+        study_of = load_study(study, ClosedLoopStudy)
+        case = study_of.case(name).scaled(Scale.of(controller_device(controller)))
         setting = Setting(controller, plant, "none", tunables={"smc": {"phi_rad_s": phi}})
         run = run_case(case, setting, seed)
         held = slice(task.phase, None, task.every)

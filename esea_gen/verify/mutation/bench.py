@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import copy
-import os
-import signal
 import subprocess
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,11 +15,13 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
 from esea_gen.emit.step_errors import Bound
+from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import Array
-from esea_gen.hostlib.compiler import find_compiler, write_texts
+from esea_gen.hostlib.compiler import compiler, write_texts
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
 from esea_gen.language.program import Program
+from esea_gen.portability import CAN_FORK, passes_apart
 from esea_gen.verify.bounds import bounds_or_rule
 from esea_gen.verify.compare import compare
 from esea_gen.verify.executor import (
@@ -59,17 +58,18 @@ class Bench:
     def __init__(
         self, device: Device, real: str, folder: Path, loose: bool, kinds: Sequence[Any]
     ) -> None:
+        if not CAN_FORK:
+            raise UserError("Mutants run in forked processes, which Windows lacks.", "Use WSL.")
         self.device, self.folder, self.fmt, self.loose = device, folder, FORMATS[real], loose
-        self.gcc = find_compiler("gcc", "gcc libc6-dev")
+        self.cc = compiler()
         self.renderer = Renderer(device.system, self.fmt, "-", "-", device.title)
         self.library = HostLibrary(device.system, self.renderer)
         self.library.ffi.cdef("void esea_choose_mutant(int which);", override=True)
-        texts = {n: t for n, t in self.library.files.items() if "/" not in n and n != "main.c"}
-        texts["driver.c"] = self.renderer.render("hostlib/driver.c.j2")
+        texts = {n: t for n, t in self.library.sources.items() if "/" not in n and n != "main.c"}
         write_texts(folder, texts)
         self.objects = {name: f"{name}.o" for name in texts if name.endswith(".c")}
         for name, made in self.objects.items():
-            self._gcc("-c", name, "-o", made, check=True)
+            self._compile("-c", name, "-o", made, check=True)
         self.programs = [b for b in kinds if isinstance(b, Program)]
         self.blocks = [b for b in kinds if not isinstance(b, Program)]
         self.limits: dict[str, tuple[dict[str, Bound], StepRule | None]] = {}
@@ -86,8 +86,8 @@ class Bench:
         """What the tasks that ship do."""
         return task_signature(self.library)
 
-    def _gcc(self, *arguments: str, check: bool = False) -> bool:
-        command = [self.gcc, *MUTANT_FLAGS, *arguments]
+    def _compile(self, *arguments: str, check: bool = False) -> bool:
+        command = [*self.cc, *MUTANT_FLAGS, *arguments]
         done = subprocess.run(command, cwd=self.folder, capture_output=True, check=check)
         return done.returncode == 0
 
@@ -130,11 +130,12 @@ class Bench:
         self.batches += 1
         target = self.folder / f"mutants{self.batches}.so"
         private, shared = self._symbols(batch[0][0])
-        (self.folder / "mutants.c").write_text(_renamed([t for _, t in batch], private + shared))
-        (self.folder / "choose.c").write_text(self._choosing(len(batch), shared))
+        mutants = _renamed([t for _, t in batch], private + shared)
+        texts = {"mutants.c": mutants, "choose.c": self._choosing(len(batch), shared)}
+        write_texts(self.folder, texts)
         others = [o for n, o in self.objects.items() if n != file]
-        link = ["-lm"] if self.fmt.needs_libm else []
-        if not self._gcc("-shared", "mutants.c", "choose.c", *others, "-o", target.name, *link):
+        made = ("mutants.c", "choose.c", *others, "-o", target.name, *self.library.link)
+        if not self._compile("-shared", *made):
             if len(batch) == 1:
                 yield batch[0][0], None
                 return
@@ -217,18 +218,8 @@ class Bench:
 
     def _program_difference(self, library: HostLibrary, program: Program) -> str:
         # In a process of its own: numbers of a Program index arrays and count passes.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # the child starts no thread
-            child = os.fork()
-        if child == 0:
-            signal.alarm(ASTRAY_S)
-            code = 1
-            try:
-                code = int(bool(self.program_difference(library, program)))
-            finally:
-                os._exit(code)
-        _, status = os.waitpid(child, 0)
-        return "the Program differs from its executor" if status else ""
+        same = passes_apart(lambda: not self.program_difference(library, program), ASTRAY_S)
+        return "" if same else "the Program differs from its executor"
 
     def program_difference(self, library: HostLibrary, program: Program) -> str:
         """Where a Program's C fails against its executor; empty when it holds on all streams."""

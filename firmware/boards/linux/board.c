@@ -1,10 +1,11 @@
 /* A computer with Linux as a board, one program in one thread: a tick is taken where a microcontroller's
  * interrupt would come, between two instructions that read the line, write it, or wait.
  *
- *   PROGRAM [ADDRESS] [--keep FILE] [--priority N]
+ *   PROGRAM [ADDRESS] [--drive ADDRESS] [--keep FILE] [--priority N]
  *
  * ADDRESS  tcp:PORT or tcp:HOST:PORT (this computer alone unless HOST says otherwise), serial:FILE[:BAUD], pty;
  *          without one: frames on standard input and output and no own clock, so that it only replays
+ * --drive  serial:FILE (an fdcanusb adapter) or can:INTERFACE: a moteus drive with the encoders of the joint
  * --keep   file for what outlasts the power, and the black box, which so survives the program
  * --priority  of SCHED_FIFO, 80 if not given; 0: that of any other program
  *
@@ -26,6 +27,7 @@
 #include <unistd.h>
 
 #include "app.h"
+#include "drive.h"
 #include "guests.h"
 #include "line.h"
 #include "port.h"
@@ -75,6 +77,7 @@ static void print_lateness(void)
     for (k = 0u; k < BINS; ++k)
         if (lateness[k] > 0u)
             fprintf(stderr, "  %s %7u: %u\n", k + 1u < BINS ? "< " : ">=", 1u << (k + 1u < BINS ? k : k - 1u), lateness[k]);
+    drive_print(stderr);
     fflush(stderr);
 }
 
@@ -375,12 +378,14 @@ int main(int argc, char **argv)
         .lost_bytes = port_lost_bytes,
         .stack_peak_bytes = port_stack_unknown,
     };
-    const char *address = "stdio";
+    const char *address = "stdio", *drive = NULL;
     int i, priority = 80;
 
     for (i = 1; i < argc; ++i)
         if (strcmp(argv[i], "--keep") == 0 && i + 1 < argc)
             open_kept(&port, argv[++i]);
+        else if (strcmp(argv[i], "--drive") == 0 && i + 1 < argc)
+            drive = argv[++i];
         else if (strcmp(argv[i], "--priority") == 0 && i + 1 < argc)
             priority = atoi(argv[++i]);
         else if (strcmp(argv[i], "--stack-exhausted") == 0) /* for tests */
@@ -393,6 +398,8 @@ int main(int argc, char **argv)
         return 2;
     }
     esea_board_drivers(&port);
+    if (drive != NULL && !drive_open(&port, drive))
+        return 2;
     port.unique = any_number();
     if (line_live(&line)) {
         take_signals();

@@ -216,6 +216,7 @@ void sim_start(void)
     for (i = 0u; i < ESEA_LINK_MEASURED; ++i)
         measured[i] = NAN;
     port.unique = unique;
+    esea_board_drivers(&port);
     esea_app_init(&app, &port);
 }
 

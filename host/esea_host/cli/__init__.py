@@ -1,5 +1,11 @@
 """``esea-host``: the command line.  One file a group of commands, read when one is typed."""
 
-from esea_host.cli.app import app, main
+import sys
+
+try:
+    from esea_host.cli.app import app, main
+except KeyboardInterrupt:
+    print("esea-host: stopped before it began.", file=sys.stderr)
+    raise SystemExit(130) from None
 
 __all__ = ["app", "main"]

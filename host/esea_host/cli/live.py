@@ -16,10 +16,10 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import every_tick
-from esea_gen.errors import UserError, paragraphs
+from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_whole, write_json
 from esea_gen.link.received import shown_lines
 from esea_host.cli.app import app, out, told
@@ -30,6 +30,7 @@ from esea_host.cli.options import (
     RateOption,
     SecondsOption,
     StreamOption,
+    driven_by,
     output_file,
 )
 from esea_host.connection import ConnectedDevice, Subscription, open_device
@@ -225,6 +226,29 @@ def bridge(
 
 
 @app.command()
+def serve(
+    address: AddressArgument,
+    listen: Annotated[str, option("--listen", "IP address of this computer.")] = "127.0.0.1",
+    port: Annotated[int, option("--port", "0: any.", min=0, max=65535)] = 8766,
+    device: DeviceOption = None,
+    key: KeyOption = None,
+    seconds: SecondsOption = None,
+) -> None:
+    """See a board live in a browser, also on a tablet, and stop it there."""
+    from_extra("tornado", "serve", "The browser view")
+    from esea_host.serve import browser_view
+    from esea_host.windows.feed import LiveFeed
+
+    with open_device(address, device, key) as board, ExitStack() as held:
+        feed = LiveFeed(board)
+        held.callback(feed.close)
+        out.print(held.enter_context(browser_view(feed, listen, port)))
+        for _ in _until(seconds, 0.2):
+            if board.receiver.error is not None:
+                raise board.receiver.error
+
+
+@app.command()
 def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
     """Take the present angles as zero: unloaded, at the joint's zero, standing still.
 
@@ -306,6 +330,7 @@ def _read(path: Path) -> dict[str, float]:
 @app.command()
 def sim(
     device: Annotated[str, typer.Argument(help="Or such as elbow_drive or knee.")] = BEST_DRIVE,
+    controller: ControllerOption = None,
     tcp: Annotated[int | None, option("--tcp", "Port; 0: any.", min=0, max=65535)] = None,
     pty: Annotated[bool, option("--pty", "A pseudo terminal in place of TCP.")] = False,
     person: Annotated[
@@ -333,13 +358,40 @@ def sim(
 
     if pty and tcp is not None:
         raise UserError("Both --tcp and --pty are given.", "Give one.")
-    port = None if pty else (tcp or 0)
+    port, device = None if pty else (tcp or 0), driven_by(controller, device)
     try:
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
               board=board, zeroed=zeroed, say=_tell,
               spring_Nm_rad=math.degrees(spring))  # fmt: skip
     except KeyboardInterrupt:
         return
+
+
+@app.command("sim-moteus")
+def sim_moteus(
+    device: Annotated[
+        str, typer.Argument(help="With one motor, such as elbow_drive.")
+    ] = BEST_DRIVE,
+    person: Annotated[
+        str, option("--person", "Who is in the joint; nobody, or none: its output is clamped.")
+    ] = "nobody",
+    plant: Annotated[str, option("--plant", "ideal, real or random.")] = "real",
+    seed: Annotated[int, typer.Option("--seed")] = 0,
+) -> None:
+    """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
+    from_extra("moteus", "moteus", "The emulated drive")
+    from esea_host.simulated.moteus import MoteusJoint, serve_drive
+    from esea_host.simulated.server import Terminal
+
+    line = Terminal()
+    joint = MoteusJoint(device, plant, person, seed)
+    _tell(f"simulated moteus of {device} at serial:{line.name}")
+    try:
+        serve_drive(joint, line, lambda: False)
+    except KeyboardInterrupt:
+        return
+    finally:
+        line.close()
 
 
 def _tell(text: str) -> None:

@@ -52,6 +52,12 @@ CloseAfterOption = Annotated[
 ]
 DarkOption = Annotated[bool | None, option("--dark/--light", "Default: as the desktop has it.")]
 
+
+def driven_by(controller: str | None, device: str) -> str:
+    """A device under another controller, as addresses take it: ``smc@elbow_drive``."""
+    return f"{controller}@{device}" if controller else device
+
+
 # Rooms whose tasks register themselves when they are read.
 SHIPPED_TASKS = ("esea_host.assess.tasks", "esea_host.interaction", "esea_host.wrist")
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_host.cli.app import app, out
 from esea_host.cli.options import (
     AddressArgument,
@@ -26,6 +26,7 @@ from esea_host.cli.options import (
     KeyOption,
     RecordOption,
     ScreenshotOption,
+    driven_by,
     of_file,
     output_file,
 )
@@ -34,8 +35,12 @@ from esea_host.connection.address import parse_address
 
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
+    from esea_host.windows.feed import LiveFeed
 
 OPEN_S, FILMED_S = 60.0, 5.0
+ServeOption = Annotated[
+    str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
+]
 
 
 @contextmanager
@@ -53,6 +58,14 @@ def _recorded(
             raise of_file(recording.error, record)
 
 
+def _serve_too(feed: LiveFeed, listen: str | None, held: ExitStack) -> None:
+    if listen is not None:
+        from_extra("tornado", "serve", "The browser view")
+        from esea_host.serve import browser_view
+
+        out.print(held.enter_context(browser_view(feed, listen)))
+
+
 @app.command()
 def view(
     address: AddressArgument,
@@ -62,6 +75,7 @@ def view(
     dark: DarkOption = None,
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
+    serve: ServeOption = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
@@ -72,6 +86,7 @@ def view(
     with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
+        _serve_too(feed, serve, held)
         run_live(feed, dark, seconds, screenshot)
 
 
@@ -96,6 +111,7 @@ def watch_recording(
 @app.command()
 def demo(
     device: Annotated[str, option("--device", "Without a window one with a drive.")] = BEST_DRIVE,
+    controller: ControllerOption = None,
     headless: Annotated[bool, option("--headless", "Without a window.")] = False,
     seconds: Annotated[
         float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
@@ -110,11 +126,13 @@ def demo(
         str | None, option("--person", "Who is in the joint; default: uncertain.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
+    serve: ServeOption = None,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
+    device = driven_by(controller, device)
     if not headless:
         who = f"&person={person}" if person else ""
-        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
+        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds, serve)
         return
     from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
     from esea_host.simulated.demo import run_demo
@@ -134,7 +152,9 @@ def demo(
         raise typer.Exit(1)
 
 
-def _watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
+def _watch_demo(
+    address: str, record: Path | None, seconds: float | None, serve: str | None
+) -> None:
     parse_address(address)
     need_a_screen("esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
@@ -145,6 +165,7 @@ def _watch_demo(address: str, record: Path | None, seconds: float | None) -> Non
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
         held.callback(DemoOperator(board).close)
+        _serve_too(feed, serve, held)
         run_live(feed, None, seconds, None, partial(hands_at(board), "push"))
 
 
@@ -200,7 +221,7 @@ def need_a_screen(otherwise: str) -> None:
     """What to use where there is none, or no Qt."""
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
-        raise UserError(f"{missing[0]} is not installed.", "pip install 'esea-gen[host]'")
+        raise UserError(f"{missing[0]} is not installed.", 'pip install "esea-gen[host]"')
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     if sys.platform.startswith("linux") and not any(os.environ.get(s) for s in screens):
         raise UserError("There is no screen here.", f"Use {otherwise}.")
@@ -213,7 +234,8 @@ def need_a_screen(otherwise: str) -> None:
         tried = subprocess.run(
             [sys.executable, "-c", code],
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
             timeout=OPEN_S,
             check=False,
         )

@@ -1,12 +1,11 @@
-"""Where a board is: ``tcp:host:port``, ``serial:/dev/...``, ``pty:...``, ``sim:device``."""
+"""Where a board is: ``tcp:host:port``, ``serial:COM3``, ``pty:...``, ``sim:device``."""
 
 from __future__ import annotations
 
-import os
-import selectors
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +16,8 @@ from esea_gen.link.transport import LinkError, SocketTransport, Transport
 
 KINDS = ("tcp", "serial", "pty", "sim", "file")
 EXAMPLES = (
-    "tcp:127.0.0.1:5760, serial:/dev/ttyACM0, pty:/dev/pts/3, file:bytes.bin or sim:elbow_drive"
+    "tcp:127.0.0.1:5760, serial:/dev/ttyACM0, serial:COM3:921600, pty:/dev/pts/3, file:bytes.bin "
+    "or sim:elbow_drive"
 )
 OPEN_S = 3.0
 START_S = 180.0  # of a simulated board: its C is compiled; 32 s at a load of 12 on two cores
@@ -47,6 +47,11 @@ def parse_address(text: str) -> BoardAddress:
         host, _, port = place.rpartition(":")
         if not host or not port.isdigit() or not 0 < int(port) < 65536:
             raise UserError(f"'{text}' names no host and port.", "Write tcp:127.0.0.1:5760.")
+    if kind == "serial":
+        try:
+            link.serial_port(place)
+        except LinkError as error:
+            raise UserError(f"{error.what}.", error.fix) from None
     return BoardAddress(kind, place)
 
 
@@ -92,24 +97,20 @@ class SimulatedProcess(SocketTransport):
 
     def _port(self) -> int:
         # Its first line says where it listens.
+        # In a thread: Windows waits for sockets alone.
         output = self._process.stdout
         assert output is not None
+        said: list[bytes] = []
+        reader = threading.Thread(target=lambda: said.append(output.readline()), daemon=True)
+        reader.start()
         deadline_s = time.monotonic() + START_S
-        said, ended = b"", False
-        with selectors.DefaultSelector() as selector:
-            selector.register(output, selectors.EVENT_READ)
-            while b"\n" not in said and time.monotonic() < deadline_s:
-                if not selector.select(0.2):
-                    continue
-                data = os.read(output.fileno(), 4096)
-                if not data:
-                    ended = True
-                    break
-                said += data
-        line = said.decode(errors="replace").partition("\n")[0]
-        port = line.rpartition(":")[2].strip()
+        while reader.is_alive() and time.monotonic() < deadline_s:
+            reader.join(0.2)  # so that Ctrl+C is heard
+        ended = not reader.is_alive()
+        port = b"".join(said).decode(errors="replace").rpartition(":")[2].strip()
         if not port.isdigit():
             self._process.kill()
+            reader.join()
             _, error = self._process.communicate()
             what = "the simulated board did not start"
             fix = f"It said nothing in {START_S:g} s: its C is compiled; is the machine busy?"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import io
 import json
-import os
 import platform
 import sys
 import zipfile
@@ -23,6 +22,7 @@ from esea_gen.link.messenger import CommandedError
 from esea_gen.link.session import Session
 from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
+from esea_gen.portability import processors
 from esea_gen.targets import BOARDS
 from esea_host.recording.replay import loaded_device
 
@@ -51,6 +51,7 @@ class Identity:
         """For the record: what ran, on what, seen from where."""
         return {
             "device": self.device.name,
+            "controller": ",".join(Path(n).name for n in self.device.controller.split(",")),
             "content_hash": self.content_hash,
             "real": self.real,
             "board": self.board,
@@ -61,7 +62,7 @@ class Identity:
                 "system": platform.system(),
                 "release": platform.release(),
                 "machine": platform.machine(),
-                "processors": os.cpu_count(),
+                "processors": processors(),
                 "python": sys.version.split()[0],
             },
         }
@@ -70,6 +71,7 @@ class Identity:
         """What a recording must carry to be understood, and computed again, on its own."""
         device = self.device
         text, _ = read_file(device.name if device.shipped else device.given[0])
+        text = device.toml() if device.controller else text  # with what the controller gives
         dialect, sources = _rendered(device, self.real)
         return {
             "facts.json": json.dumps(self.facts(), indent=1).encode(),

@@ -18,6 +18,8 @@ def open_device(
 ) -> ConnectedDevice:
     """Connect to a board, waiting until it has answered."""
     place = parse_address(address)
+    if place.kind == "sim" and device is None:
+        device = place.place.partition("?")[0]
     transport = open_transport(place)
     try:
         identity = passive(device) if place.kind == "file" else identify(transport, device, key)

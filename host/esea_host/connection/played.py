@@ -71,6 +71,14 @@ class PlayedBoard(ConnectedDevice):
         """The recording's own gaps."""
         return {"gaps": len(self.log.gaps)}
 
+    def parameters(self) -> dict[str, float]:
+        """Recorded values, without those that were changed meanwhile."""
+        found = {k: v for told in self.log.events("parameters") for k, v in told.items()}
+        changed = {str(told.get("name")) for told in self.log.events("parameter")}
+        return {
+            k: float(v) for k, v in found.items() if k not in changed and isinstance(v, int | float)
+        }
+
     def play(self) -> None:
         self._player.start()
 

@@ -116,6 +116,7 @@ class LiveRecording:
             with self._lock:
                 for stream, (tick, ns) in self._last.items() if away else ():
                     self.recorder.gap(Gap(stream, tick, -1, -1, "disconnected", ns))
+                    self.gaps += 1
                 for gap in () if self.recorder.closed else self.subscription.lost():
                     self.recorder.gap(gap)
                     self.gaps += 1

@@ -88,7 +88,9 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         new_whole(path.with_name(f"{path.name}.json")) as side,
         target.open("w", newline="", encoding="utf-8") as file,
     ):
-        side.write_text(json.dumps(_about(log, table), indent=1) + "\n", encoding="utf-8")
+        side.write_text(
+            json.dumps(_about(log, table), indent=1) + "\n", encoding="utf-8", newline="\n"
+        )
         writer = csv.writer(file)
         columns = _columns(table, simulated)
         writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])
@@ -151,7 +153,7 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
     if step_s <= 0:
         raise UserError(f"{table.layout.name}: its times do not ascend.", "Record for longer.")
     rate_Hz = round(1.0 / step_s, 6)
-    with samples.open("w", encoding="utf-8") as file:
+    with samples.open("w", encoding="utf-8", newline="\n") as file:
         texts = [[_text(v) if np.isfinite(v) else "n/a" for v in c[2]] for c in columns]
         file.writelines("\t".join(row) + "\n" for row in zip(*texts, strict=True))
     channels = ["name\tcomponent\ttype\ttracked_point\tunits\tsampling_frequency"]
@@ -159,7 +161,7 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
         kind = _BIDS_TYPES.get(unit, "MISC")
         row = [name, "n/a", kind, "n/a", unit if unit and unit != "1" else "n/a", f"{rate_Hz:g}"]
         channels.append("\t".join(row))
-    rows.write_text("\n".join(channels) + "\n", encoding="utf-8")
+    rows.write_text("\n".join(channels) + "\n", encoding="utf-8", newline="\n")
     kinds = [_BIDS_TYPES.get(unit, "MISC") for _, unit, _ in columns]
     about = {
         "TaskName": task,
@@ -178,7 +180,7 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
         "RecordingState": log.state.value,
         "RecordingIntegrity": log.integrity.to_dict(),
     } | {f"{k}ChannelCount": kinds.count(k) for k in sorted(set(kinds))}
-    side.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    side.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8", newline="\n")
 
 
 def longest(table: Table) -> Table:

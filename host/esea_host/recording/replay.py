@@ -14,6 +14,7 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ def device_of(log: Log) -> Device:
     if "device" not in facts or "content_hash" not in facts:
         fix = "Record with esea-host." if log.whole else f"It is {log.integrity}."
         raise UserError(f"{log.path.name} does not say which C made it.", fix)
-    if facts["device"] in shipped_devices():
+    if facts["device"] in shipped_devices() and not facts.get("controller"):
         device = loaded_device(facts["device"])
     else:  # somebody's own, which lies in the recording; its own laws run once they are trusted
         text = log.attachments.get("device.toml", b"").decode("utf-8-sig", "replace")
@@ -125,8 +126,8 @@ def device_of(log: Log) -> Device:
 
 
 def loaded_device(name: str) -> Device:
-    """A device by name or file, loaded once for as long as its text is the same."""
-    return _loaded(name, read_file(name)[0])
+    """A device by name or file, or ``LAW@DEVICE``, loaded once for as long as its text is."""
+    return _loaded(name, read_file(name if Path(name).is_file() else name.rpartition("@")[2])[0])
 
 
 @lru_cache(maxsize=4)

@@ -21,6 +21,7 @@ from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
 AMPLITUDE_Nm, WANTED_HZ = 1.7, 0.6  # the tuning case of the published trials
 SETTLE_S, ZERO_S, ZERO_TRIES = 0.3, 0.4, 5
+OFF = "STOPPED", "FAULT_LATCHED"  # told whenever the motor is off: no limit acts
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
             panel.plot(x, y, color=colour, lw=width, label=label)
         title = f"Torque {axis}; error {rms_Nm:.3f} Nm rms".replace(" ;", ";")
         torque.set(ylabel="torque [Nm]", title=title)
-        torque.legend(ncols=2, loc="lower left")
+        torque.legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))  # beside the title
         joint.set_ylabel("joint [deg]", color=BOUND)
         joint.grid(False)
         bend.set(ylabel="deflection [deg]", title="Deflection (left), joint angle (right)")
@@ -145,7 +146,8 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
         loop.set_title("Torque over deflection")
         word = of_axis("limits_status", axis)
         port = next(x.port for x in device.system.outputs if x.name == word)
-        _raster(acts, last, word, [(1 << i, flag.name) for i, flag in enumerate(port.flags)])
+        flags = [(1 << i, flag.name) for i, flag in enumerate(port.flags)]
+        _raster(acts, last, word, [(bit, name) for bit, name in flags if name not in OFF])
         said = "every bit is the C's" if verdict.same else "NOT the same bits"
         figure.suptitle(
             f"Simulated {log.facts['device']}: {len(last)} ticks recorded, {len(log.gaps)} gaps; "

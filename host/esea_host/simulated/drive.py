@@ -25,7 +25,7 @@ from esea_gen.twin.hand import (
     hand_variant,
     named_hand,
 )
-from esea_gen.twin.people import random_person
+from esea_gen.twin.people import limb_of, random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedPlant
@@ -63,7 +63,7 @@ class SimulatedBoard:
     ) -> None:
         given = loaded_device(device) if isinstance(device, str) else device
         self.device = board_device(given)
-        _known("board", board, SIMULATED_BOARDS)
+        known("board", board, SIMULATED_BOARDS)
         self.axes = self.device.axes
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
@@ -84,7 +84,7 @@ class SimulatedBoard:
                     f"{given.name} has a drive: a motion of both its sides cannot be given.",
                     "Say who is in it: --person NAME.",
                 )
-            plant, person = _known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
+            plant, person = known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
             self._person, self._clamped = self._named(person), person == CLAMPED
             if len(self.axes) == 1:
                 self._variant = plant_variant(self.device, plant, "ideal", seed)
@@ -100,11 +100,12 @@ class SimulatedBoard:
 
     def _named(self, person: str) -> Person | CoupledHand:
         if len(self.axes) > 1:
-            return named_hand(_known("person", person, HAND_NAMES), self._seed)
-        _known("person", person, PEOPLE_NAMES)
+            return named_hand(known("person", person, HAND_NAMES), self._seed)
+        known("person", person, PEOPLE_NAMES)
         if person in (EMPTY_JOINT, CLAMPED):
             return EMPTY
-        return random_person(self._seed) if person == "random" else PEOPLE[person]
+        named = random_person(self._seed) if person == "random" else PEOPLE[person]
+        return limb_of(self.device, named)
 
     def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
         device = _with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
@@ -238,7 +239,7 @@ class SimulatedBoard:
         self.board.close()
 
 
-def _known(what: str, name: str, names: tuple[str, ...]) -> str:
+def known(what: str, name: str, names: tuple[str, ...]) -> str:
     if name not in names:
         raise UserError(f"There is no {what} '{name}'.", f"Choose from {', '.join(names)}.")
     return name

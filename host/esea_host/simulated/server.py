@@ -6,17 +6,18 @@ import contextlib
 import dataclasses
 import math
 import os
+import queue
 import secrets
-import select
 import socket
+import threading
 import time
-import tty
 from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.portability import TERMINALS, other_end_left, raw_terminal_pair
 from esea_gen.twin.published import Person
 from esea_gen.twin.stepped import EMPTY
 from esea_host.simulated.drive import SimulatedBoard
@@ -35,10 +36,7 @@ class _Socket:
         self._link = link
 
     def leaves(self) -> bool:
-        # What it said last is still to be read.
-        poll = select.poll()
-        poll.register(self._link, getattr(select, "POLLRDHUP", 0))
-        return bool(poll.poll(0))
+        return other_end_left(self._link)
 
     def read(self, most: int = 65536) -> bytes | None:
         try:
@@ -109,12 +107,9 @@ class _Guests:
             self._let_go(place)
 
 
-class _Terminal:
+class Terminal:
     def __init__(self) -> None:
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
-        self.name = os.ttyname(self._theirs)
+        self._ours, self._theirs, self.name = raw_terminal_pair()
 
     def read(self) -> bytes | None:
         try:
@@ -161,13 +156,20 @@ def serve(
         drive.restart()  # what was said to another one does not fit this start
         if zeroed:
             _zero(drive)
+        if port is None and not TERMINALS:
+            tell("This system has no pseudo terminals: TCP in place of one.")
+            port = 0
+        by = "" if drive.device.shipped and "@" not in device else f" --device {device}"
         if port is None:
-            terminal = _Terminal()
+            terminal = Terminal()
             tell(f"simulated {named} at pty:{terminal.name}")
+            tell(f"See it: esea-host view pty:{terminal.name}{by}")
             _play(drive, terminal, speed, Hands(hands))
             return
         with socket.create_server(("127.0.0.1", port)) as listener:
-            tell(f"simulated {named} at tcp:127.0.0.1:{listener.getsockname()[1]}")
+            at = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+            tell(f"simulated {named} at {at}")
+            tell(f"See it: esea-host view {at}{by}")
             serve_hosts(drive, listener, speed, once, Hands(hands))
     finally:
         drive.close()
@@ -192,21 +194,22 @@ class Hands:
     """
 
     def __init__(self, source: int | None) -> None:
-        self._source, self._rest = source, b""
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._attendant: Attendant | None = None
-        if source is not None:
-            os.set_blocking(source, False)
+        if source is not None:  # in a thread: Windows has no pipes that do not wait
+            threading.Thread(target=self._listen, args=(source,), daemon=True).start()
+
+    def _listen(self, source: int) -> None:
+        rest = b""
+        with contextlib.suppress(OSError):
+            while data := os.read(source, 4096):
+                *lines, rest = (rest + data).split(b"\n")
+                for line in lines:
+                    self._lines.put(line)
 
     def reach(self, drive: SimulatedBoard) -> None:
-        if self._source is None:
-            return
-        try:
-            self._rest += os.read(self._source, 4096)
-        except BlockingIOError:
-            return
-        *lines, self._rest = self._rest.split(b"\n")
-        for line in lines:
-            word, *texts = line.decode("ascii", "replace").split(" ")
+        while not self._lines.empty():
+            word, *texts = self._lines.get().decode("ascii", "replace").split()
             try:
                 numbers = [float(n) for n in texts]
             except ValueError:
@@ -260,7 +263,7 @@ def serve_hosts(
 
 def _play(
     drive: SimulatedBoard,
-    line: _Socket | _Terminal,
+    line: _Socket | Terminal,
     speed: float,
     hands: Hands | None,
     attend: Callable[[], None] = lambda: None,

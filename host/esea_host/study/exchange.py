@@ -214,12 +214,12 @@ def to_rows(study: StudyFolder, out: Path, labels: bool = False) -> int:
     with new_whole(out) as scratch:
         scratch.mkdir()
         lines = "".join(json.dumps(r, sort_keys=True) + "\n" for r in rows)
-        (scratch / "rows.jsonl").write_text(lines, encoding="utf-8")
+        (scratch / "rows.jsonl").write_text(lines, encoding="utf-8", newline="\n")
         with (scratch / "rows.csv").open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, names, extrasaction="ignore")
             writer.writeheader()
             writer.writerows(rows)
-        (scratch / "protocol.toml").write_text(protocol_text(study), encoding="utf-8")
+        (scratch / "protocol.toml").write_text(protocol_text(study), encoding="utf-8", newline="\n")
     return len(rows)
 
 
@@ -276,7 +276,7 @@ def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
     _json(out / "dataset_description.json", about)
     whose = f"{NOBODY}\n" if simulated else ""
     words = f"{file.title}.\n{whose}Each run is one trial; scans.tsv has what came of it.\n"
-    (out / "README").write_text(words, encoding="utf-8")
+    (out / "README").write_text(words, encoding="utf-8", newline="\n")
     return runs
 
 
@@ -330,7 +330,7 @@ def _scans(
 
 def write_tsv(path: Path, lines: Sequence[Sequence[Any]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8") as file:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines("\t".join(_cells(line)) + "\n" for line in lines)
 
 
@@ -348,4 +348,4 @@ def _cells(line: Sequence[Any]) -> Iterator[str]:
 
 
 def _json(path: Path, content: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8", newline="\n")

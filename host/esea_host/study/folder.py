@@ -64,7 +64,7 @@ class StudyFolder:
         study = cls(path, protocol, durable, by)
         study.simulated = simulated
         study.must_know_operator()
-        (path / PROTOCOL).write_text(protocol.text, encoding="utf-8")
+        (path / PROTOCOL).write_text(protocol.text, encoding="utf-8", newline="\n")
         for folder, files in ((TASKS, protocol.code), (TEXTS, protocol.texts)):
             for file in files:
                 (path / folder).mkdir(exist_ok=True)

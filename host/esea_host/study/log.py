@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.files import BINARY, locked, utc_now
+from esea_gen.files import locked, utc_now
 from esea_gen.link.received import shown
+from esea_gen.portability import BINARY, sync_folder
 from esea_host.study.privacy import SEALED, key_above, sealed, unsealed
 
 DEEPEST = 20
@@ -245,7 +246,7 @@ class EventLog:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | BINARY, 0o644)
             held.callback(os.close, self._file)
             if new:
-                _sync(path.parent)
+                sync_folder(path.parent)
             self.found = read_log(path, known)
             if mend and self.found.breaks:
                 self.moved_aside = self._move_aside()
@@ -273,7 +274,7 @@ class EventLog:
             file.write(rest)
             file.flush()
             os.fsync(file.fileno())
-        _sync(aside.parent)
+        sync_folder(aside.parent)
         os.ftruncate(self._file, self.found.sound_bytes)
         os.fsync(self._file)
         lines = []
@@ -348,14 +349,3 @@ class EventLog:
 
     def close(self) -> None:
         self._held.close()
-
-
-def _sync(folder: Path) -> None:
-    # So that the name of a new file is on disk as well; Windows has no such call.
-    if sys.platform == "win32":
-        return
-    file = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)

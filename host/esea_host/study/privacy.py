@@ -35,7 +35,7 @@ def write_secret(path: Path, text: str) -> None:
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except OSError as error:
         raise UserError(f"{path}: cannot be made ({error.strerror}).", "Name a new file.") from None
-    with os.fdopen(file, "w", encoding="utf-8") as out:
+    with os.fdopen(file, "w", encoding="utf-8", newline="\n") as out:
         out.write(text)
         out.flush()
         os.fsync(out.fileno())

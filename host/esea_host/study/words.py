@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,8 @@ ENGLISH = "en"
 SEE = "docs/studies-with-people.md"
 # Tables to which a study's own tasks may add.
 OPEN = ("scene", "task", "event", "gauge")
+# Tables that the participant sees.
+SEEN = ("format", "banner", "scene", "survey")
 _SPEC = re.compile(r"(\.\d)?[dfg]?")
 
 
@@ -77,7 +80,7 @@ def languages() -> list[str]:
 
 @cache
 def words_of(language: str, own: bytes = b"", origin: str = "") -> Words:
-    """own: a study's file of this language; a language that is not shipped needs every text."""
+    """own: a study's file of this language; one not shipped needs all of SEEN."""
     path, texts = TEXTS / f"{language}.toml", dict[str, str]()
     if path in TEXTS.glob("*.toml"):
         texts = _read(path.read_text(encoding="utf-8"), path.name)
@@ -94,13 +97,16 @@ def words_of(language: str, own: bytes = b"", origin: str = "") -> Words:
             fix = "Save it as UTF-8."
             raise UserError(f"{origin}: cannot be read as text ({error}).", fix) from None
         texts |= _checked(_read(given, origin), origin)
-        lacking = sorted(words_of(ENGLISH).texts.keys() - texts.keys())
-        if lacking:
-            raise UserError(
-                f"{origin}: {len(lacking)} texts of the language {language!r} are missing, such as "
-                f"{lacking[0]}.",
-                f"Copy {TEXTS / ENGLISH}.toml, and translate all of it.",
-            )
+        english = words_of(ENGLISH).texts
+        if lacking := sorted(english.keys() - texts.keys()):
+            # What the participant reads is in one language.
+            lacking.sort(key=lambda k: k.partition(".")[0] not in SEEN)
+            what = f"{origin}: {len(lacking)} texts of the language {language!r} are missing, "
+            if lacking[0].partition(".")[0] in SEEN:
+                fix = f"Copy {TEXTS / ENGLISH}.toml, and translate {', '.join(SEEN)} at least."
+                raise UserError(f"{what}such as {lacking[0]}.", fix)
+            warnings.warn(f"{what}and shown in English, such as {lacking[0]}.", stacklevel=2)
+            texts = {**english, **texts}
     return Words(language, texts)
 
 

@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QKeySequence, QMouseEvent, QPainter, QPaintEve
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QWidget
 
 from esea_host.windows.feed import LiveFeed
-from esea_host.windows.plots import AxisColumns
+from esea_host.windows.signals import AxisColumns
 
 MOST_RAD, STEP_RAD = 0.6, 0.1
 DRAWN_MS = 50

@@ -12,7 +12,6 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QApplication,
-    QFileDialog,
     QLabel,
     QListWidget,
     QScrollArea,
@@ -36,6 +35,7 @@ from esea_host.windows.frame import (
     STOP_NAME,
     Job,
     StopWindow,
+    ask_for_file,
     column_of,
     qt_application,
     row_of,
@@ -186,19 +186,21 @@ class AssessWindow(StopWindow):
         self._step(job)
         self.controls.show_limits(self.desk.comfort)
 
-    def open_recording(self, path: Path | None = None) -> None:
-        name = str(path or "") or QFileDialog.getOpenFileName(self, "Recording", "", RECORDINGS)[0]
-        if name:
-            self._step(partial(self._read, Path(name)))
+    def open_recording(self, path: Path | str | None = None) -> None:
+        if path is None:
+            ask_for_file(self, "Recording", RECORDINGS, self.open_recording)
+        else:
+            self._step(partial(self._read, Path(path)))
 
     def _read(self, path: Path) -> str:
         recording = read_recording(path, self.desk.height_m, self.desk.mass_kg)
         return "\n".join(filter(None, (self.desk.recording(recording, path.name), recording.read)))
 
-    def save_page(self, path: Path | None = None) -> None:
-        name = str(path or "") or QFileDialog.getSaveFileName(self, "Page", "knee.pdf", PAGES)[0]
-        if name:
-            self._step(partial(self._write, Path(name)))
+    def save_page(self, path: Path | str | None = None) -> None:
+        if path is None:
+            ask_for_file(self, "Page", PAGES, self.save_page, "knee.pdf")
+        else:
+            self._step(partial(self._write, Path(path)))
 
     def _write(self, path: Path) -> str:
         write_session_page(

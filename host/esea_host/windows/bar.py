@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from html import escape
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtGui import QResizeEvent
+from PySide6.QtGui import QFont, QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
@@ -21,16 +21,30 @@ from esea_host.windows.theme import BANNER_STYLE, STATE_STYLES, Theme, plain_lab
 
 STOP_PX = QSize(150, 92)  # the same in every window
 # 46 px are 16 minutes of arc at 2 m on a screen of 92 dpi, the least of ISO 9241-303.
-LEAST_PX, MOST_PX, WIDTHS = 24, 46, 28
+LEAST_PX, NARROW_PX, MOST_PX, WIDTHS = 20, 26, 46, 28
 STEP_PX, WORDS_PX, INDICATORS_PX = QSize(98, 42), 34, 34
-NOTICE_S = 5.0
+MARGIN_PX, NOTICE_S = 8, 5.0
+STOP_LETTERS_PX = 22, 9  # of STOP, and of a longer word of another language
 STOP_STYLE = (
-    "QPushButton {background: #b3261e; color: white; font-size: 22px; font-weight: bold;"
+    "QPushButton {background: #b3261e; color: white; font-size: %dpx; font-weight: bold;"
     " border-radius: 6px; padding: 4px;}"
     "QPushButton:pressed {background: #7d1410;}"
     "QPushButton:disabled {background: transparent; color: #808890; font-size: 13px;"
     " font-weight: normal; border: 1px dashed #808890;}"
 )
+
+
+def stop_style(text: str) -> str:
+    """In the largest letters with which the text is complete."""
+    most, least = STOP_LETTERS_PX
+    font, room = QFont(), STOP_PX - QSize(16, 12)
+    font.setBold(True)
+    for px in range(most, least - 1, -1):
+        font.setPixelSize(px)
+        needed = QFontMetrics(font).size(0, text)
+        if needed.expandedTo(room) == room:
+            break
+    return STOP_STYLE % px
 
 
 def restyle(widget: QWidget, style: str) -> None:
@@ -108,7 +122,7 @@ class BoardBar(QWidget):
         self.readouts: dict[str, QLabel] = {}
         self._told: dict[str, tuple[str, str, str]] = {}
         self.stop_button = QPushButton(stop_text)
-        self.stop_button.setStyleSheet(STOP_STYLE)
+        self.stop_button.setStyleSheet(stop_style(stop_text))
         self.stop_button.setFixedSize(STOP_PX)
         self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         for label in (self.who, self.words, self.said, self.indicators):
@@ -116,12 +130,11 @@ class BoardBar(QWidget):
             # No text widens the window, or moves what stands beside it.
             label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._shown, self._notice, self._until_s = ("", "rest"), "", 0.0
-        self.state.setMinimumWidth(1)  # a long one is cut, and moves nothing
         self._values, self._steps = QHBoxLayout(), QHBoxLayout()
         self._values.addWidget(self.state)
         self._values.addStretch(1)
         self._steps.addStretch(1)
-        whose, lines, left = QHBoxLayout(), QVBoxLayout(), QVBoxLayout()
+        whose, lines, left, beside = QHBoxLayout(), QVBoxLayout(), QVBoxLayout(), QWidget()
         whose.addWidget(self.badge)
         whose.addWidget(self.who, 1)
         told = QWidget()
@@ -133,11 +146,14 @@ class BoardBar(QWidget):
             lines.addWidget(label)
         lines.addStretch(1)
         left.setSpacing(3)
+        left.setContentsMargins(0, 0, 0, 0)
+        beside.setLayout(left)
+        beside.setMinimumWidth(1)  # what has no room is cut, and STOP stays in its place
         for part in (whose, self._values, told, self._steps, self.indicators):
             left.addWidget(part) if isinstance(part, QWidget) else left.addLayout(part)
         whole = QHBoxLayout(self)
-        whole.setContentsMargins(8, 4, 8, 4)
-        whole.addLayout(left, 1)
+        whole.setContentsMargins(MARGIN_PX, 4, MARGIN_PX, 4)
+        whole.addWidget(beside, 1)
         whole.addWidget(self.stop_button, 0, Qt.AlignmentFlag.AlignTop)
 
     def add_step(self, name: str, button: StepButton) -> None:
@@ -150,13 +166,16 @@ class BoardBar(QWidget):
         px, caption = self._px(), caption or name
         if name not in self.readouts:
             self.readouts[name] = QLabel()
+            self.readouts[name].setAccessibleDescription(name)
             self._values.addWidget(self.readouts[name])
-        small = f"<span style='font-size:{max(11, px // 3)}px'>{escape(caption)}</span>".replace(
-            "\n", "<br>"
-        )
+        first, _, more = caption.partition("\n")
+        if px < NARROW_PX:  # long ones have no room beside each other
+            first = first.replace(" ", "\n", 1)
+        caption = escape(f"{first}\n{more}".rstrip()).replace("\n", "<br>")
+        small = f"<span style='font-size:{max(11, px // 3)}px'>{caption}</span>"
         style = f"font-size:{px}px" + (f"; color:{colour}" if colour else "")
         self.readouts[name].setText(f"{small}<br><b style='{style}'>{text}</b>")
-        self.readouts[name].setMinimumWidth(7 * px // 2)
+        self.readouts[name].setMinimumWidth(3 * px)
         self.readouts[name].setAccessibleName(text)
 
     def _px(self) -> int:
@@ -167,17 +186,25 @@ class BoardBar(QWidget):
         self._shown = word, role
         ground, ink = STATE_STYLES[role]
         self.state.setText(word)
+        self._values.setSpacing(self._px() // 3)
         restyle(
             self.state,
             f"background: {ground}; color: {ink}; font-size: {self._px()}px; font-weight: bold;"
             " padding: 0px 8px; border-radius: 6px",
         )
+        # Complete, but where it would stand on the values.
+        apart = self._values.spacing()
+        taken = sum(r.minimumWidth() + apart for r in self.readouts.values())
+        room = self.width() - STOP_PX.width() - 3 * MARGIN_PX - taken
+        self.state.ensurePolished()
+        needed = self.state.fontMetrics().horizontalAdvance(word) + 3 * MARGIN_PX
+        self.state.setMinimumWidth(max(1, min(needed, room)))
 
     def tell(self, words: str, theme: Theme, *, alarm: bool = False, said: str = "") -> None:
         """words: of the state, or an alarm; said: what was answered last."""
         self.words.setText(words)
         colour, weight = (theme.alarm, "bold") if alarm else (theme.ink, "normal")
-        restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 15px")
+        restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 11pt")
         self.said.setText(self._notice if time.monotonic() < self._until_s else said)
 
     def notice(self, text: str) -> None:
@@ -202,6 +229,6 @@ class BoardBar(QWidget):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
-        self.show_state(*self._shown)
         for name, given in self._told.items():
             self.show_value(name, *given)
+        self.show_state(*self._shown)

@@ -39,7 +39,7 @@ from esea_host.windows.frame import (
     run_until_closed,
 )
 from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
-from esea_host.windows.theme import LIGHT
+from esea_host.windows.theme import DARK, LIGHT
 
 LOOK_MS = 200
 STANDS = ("STOPPING", "STOPPED", "FAULT")
@@ -57,6 +57,7 @@ class CommissioningWindow(StopWindow):
         steps: tuple[CommissioningStep, ...],
         options: StepOptions,
         record: CommissioningRecord,
+        dark: bool = False,
     ) -> None:
         super().__init__()
         self.bench, self.steps, self.options, self.record = bench, steps, options, record
@@ -76,8 +77,8 @@ class CommissioningWindow(StopWindow):
         who = f"{bench.board.name}: commissioning"
         self.setWindowTitle(f"{kind} {who} - esea-host".strip())
         self.bar.mark(kind, who)
+        self.set_theme(DARK if dark else LIGHT)
         self._build()
-        self.set_theme(LIGHT)
         self.timer.timeout.connect(self.refresh)
         self.timer.start(LOOK_MS)
         self.refresh()
@@ -132,7 +133,7 @@ class CommissioningWindow(StopWindow):
             self._show_result(result)
         elif self.list.currentRow() == 0:
             lines = "<br>".join(html.escape(x) for x in guide(self.bench.board))
-            self.text.setText(f'<span style="color:{LIGHT.soft}">{lines}</span>')
+            self.text.setText(f'<span style="color:{self.theme.soft}">{lines}</span>')
         self._enable()
 
     def _enable(self, asking: bool = False) -> None:
@@ -238,12 +239,12 @@ class CommissioningWindow(StopWindow):
             self._show_result(end)
         else:
             said = html.escape(str(end))
-            self.text.setText(f'<p style="color:{LIGHT.alarm}; font-size:17px">{said}</p>')
+            self.text.setText(f'<p style="color:{self.theme.alarm}; font-size:17px">{said}</p>')
         self._rename()
         self._enable()
 
     def _show_result(self, result: StepResult) -> None:
-        colour = LIGHT.good if result.passed else LIGHT.alarm
+        colour = self.theme.good if result.passed else self.theme.alarm
         first, *rest = (html.escape(x) for x in result.lines())
         more = "<br>".join(x.replace("  ", "&nbsp;&nbsp;") for x in rest)
         self.text.setText(f'<p style="color:{colour}; font-size:17px"><b>{first}</b></p>{more}')
@@ -284,6 +285,5 @@ def run_commissioning(
     options: StepOptions,
     record: CommissioningRecord,
 ) -> None:
-    qt_application()
-    window = CommissioningWindow(bench, steps, options, record)
+    window = CommissioningWindow(bench, steps, options, record, qt_application())
     run_until_closed(window, size_px=(1180, 860))

@@ -283,6 +283,18 @@ class LiveFeed:
         self.device.receiver.unsubscribe(self._queue)
 
 
+def board_alarms(feed: LiveFeed) -> list[str]:
+    """An error, a lost link and a latched fault, each in words."""
+    news = feed.news
+    lines = [news.error] if news.error else []
+    if feed.silent:
+        lines.append(feed.lost_text())
+    if news.fault is not None:
+        f = news.fault
+        lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
+    return lines
+
+
 def link_text(feed: LiveFeed) -> str:
     health = feed.news.health
     lost = [f"{health[k]} {said}" for k, said in COUNTED.items() if health.get(k)]

@@ -22,6 +22,8 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import (
     QApplication,
     QBoxLayout,
+    QDialog,
+    QFileDialog,
     QFrame,
     QHBoxLayout,
     QLayout,
@@ -36,7 +38,7 @@ from PySide6.QtWidgets import (
 
 from esea_gen.files import written_whole
 from esea_host.windows.bar import BoardBar, StepButton
-from esea_host.windows.feed import LiveFeed
+from esea_host.windows.feed import LiveFeed, board_alarms
 from esea_host.windows.meanings import (
     ARM,
     CLEAR,
@@ -55,7 +57,7 @@ UNCONFIRMED_S = 1.0
 NOT_CONFIRMED = "STOP was sent, and the board has not confirmed it: switch its power off."
 ESCAPED = "Escape closed a menu or dialog, and stopped nothing. Press it again to stop."
 STOP_NAME = "STOP: Space, Escape or F12"  # no keys of the menu: an open dialog would take them
-LEAST_PX = 700, 400  # of a window: 1440 x 900 at twice the size leaves 720 x 450
+LEAST_PX = 600, 300  # of a window: 1280 x 720 at twice the size leaves 640 x 360
 FRAME_PX = 8, 40  # around a window, for its title
 PICTURE_BEFORE_MS, PICTURE_S = 300, 5.0  # before the window closes; where it is not to close
 
@@ -112,6 +114,27 @@ def called(job: Job) -> Callable[..., None]:
         job()
 
     return slot
+
+
+def takes_letters(widget: QWidget | None) -> bool:
+    """Whether a space is a space there: a number has none."""
+    if not isinstance(widget, QLineEdit) or widget.isReadOnly():
+        return False
+    return not widget.inputMethodHints() & Qt.InputMethodHint.ImhFormattedNumbersOnly
+
+
+def ask_for_file(
+    window: QWidget, title: str, kinds: str, job: Callable[[str], object], new: str = ""
+) -> QFileDialog:
+    """Beside the window, not over it: a modal dialog would take STOP; new: the name to write."""
+    dialog = QFileDialog(window, title, "", kinds)
+    if new:
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.selectFile(new)
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+    dialog.fileSelected.connect(job)
+    dialog.show()
+    return dialog
 
 
 def push_button(text: str, job: Job, *, focus: bool = True) -> QPushButton:
@@ -195,6 +218,7 @@ class StopWindow(QMainWindow):
         scrolled.setWidgetResizable(True)
         scrolled.setFrameShape(QFrame.Shape.NoFrame)
         scrolled.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        scrolled.setMinimumHeight(1)  # docks have their least height first
         self.setCentralWidget(scrolled)
 
     def add_menu(self, title: str, jobs: Iterable[tuple[str, str, Job]]) -> None:
@@ -276,16 +300,8 @@ class StopWindow(QMainWindow):
 
     def alarms(self, feed: LiveFeed) -> list[str]:
         """What somebody has to know of a board at once."""
-        news, lines = feed.news, []
-        if self.stop_unconfirmed(news.state):
-            lines.append(NOT_CONFIRMED)
-        lines += [news.error] if news.error else []
-        if feed.silent:
-            lines.append(feed.lost_text())
-        if news.fault is not None:
-            f = news.fault
-            lines.append(f"Fault {f.number} {f.name}: {f.meaning}. What to do: {f.cure}.")
-        return lines
+        unconfirmed = self.stop_unconfirmed(feed.news.state)
+        return [NOT_CONFIRMED, *board_alarms(feed)] if unconfirmed else board_alarms(feed)
 
     # -- keys --------------------------------------------------------------------------------------
 
@@ -302,7 +318,8 @@ class StopWindow(QMainWindow):
         # A key held down is one stop: the second one switches the motor off at once.
         key, again = event.key(), event.isAutoRepeat()
         if key == Qt.Key.Key_Escape:
-            opened = popup is not None or QApplication.activeModalWidget() is not None
+            dialog = isinstance(QApplication.activeWindow(), QDialog)
+            opened = popup is not None or dialog
             if opened and not again:
                 self._closes = True
                 self.bar.notice(self._escape_text)
@@ -311,7 +328,7 @@ class StopWindow(QMainWindow):
                 self._closes = False
                 self.stop()
             return True
-        typing = popup is None and isinstance(QApplication.focusWidget(), QLineEdit)
+        typing = popup is None and takes_letters(QApplication.focusWidget())
         if key == Qt.Key.Key_F12 or (key == Qt.Key.Key_Space and not typing):
             if not again:
                 self.stop()

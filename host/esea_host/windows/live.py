@@ -29,30 +29,25 @@ from esea_host.windows.frame import (
     qt_application,
     run_until_closed,
 )
-from esea_host.windows.meanings import GENERAL
+from esea_host.windows.meanings import GENERAL, MOTOR_OFF
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor
 from esea_host.windows.plots import (
     BANDS_PX,
     LOOP,
     PANEL_PX,
-    AxisColumns,
     Cursors,
-    Head,
     LimitBands,
     LoopPlot,
-    ShownSignal,
     SpectrumPlot,
     TimePlot,
-    signal_of,
 )
+from esea_host.windows.signals import LIT_S, AxisColumns, Head, ShownSignal, signal_of
 from esea_host.windows.theme import DARK, LIGHT, Theme
 from esea_host.windows.trigger import NORMAL, OFF, Trigger, TriggerBar
 
 FRAME_MS = 50
-LIT_S = 0.3  # an indicator stays lit so long that it is seen
-# What is shown large, of which plot; degrees with one place, torque with two.
-READOUTS = {"Torque": "torque [Nm]", "Joint": "angle [deg]", "Motor": "command [Nm]"}
+TWO_DOCKS_PX = 560  # height of a window with room for both
 WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 
 
@@ -73,8 +68,7 @@ class LiveWindow(StopWindow):
         kind = "SIMULATED" if feed.device.simulated else ""
         self.setWindowTitle(f"{kind} {self._who} - esea-host".strip())
         self.bar.mark(kind, self._who)
-        if self.played is None:
-            feed.do("", feed.read_parameters)
+        feed.do("", feed.read_parameters)
         self._build()
         self._actions()
         self.set_theme(DARK if dark else LIGHT)
@@ -158,7 +152,8 @@ class LiveWindow(StopWindow):
 
     def _offer(self) -> None:
         # Bad inputs and repairs, which every block reports, are shown only while they act.
-        own = (f for _, f in self.bands.flags if f.bit > GENERAL)
+        # That the motor is off is the state's to say: no limit acts.
+        own = (f for _, f in self.bands.flags if f.bit > GENERAL and f.name != MOTOR_OFF)
         self.bar.indicators.offer({f.name: f.meaning for f in own})
 
     def _next_axis(self) -> None:
@@ -310,15 +305,11 @@ class LiveWindow(StopWindow):
         self.bar.who.setText("  |  ".join(filter(None, told)))
         since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
-        acting = {f.name: f.meaning for f in self.bands.acting(newest)}
+        acts = () if self.feed.silent else self.bands.acting(newest)
+        acting = {f.name: f.meaning for f in acts if f.name != MOTOR_OFF}
         self.bar.indicators.light(acting, self.theme)
-        for head, signals in zip(self._heads, self._signals, strict=True):
-            if head[0] in READOUTS:
-                values = signals[-1].values(newest)
-                known = len(values) and not self.feed.silent and math.isfinite(values[-1])
-                places = 1 if head[1] == "deg" else 2
-                number = f"{values[-1]:.{places}f}" if known else "\u2013"
-                self.bar.show_value(READOUTS[head[0]], number)
+        for caption, number in self.columns.readouts(self.axis, newest):
+            self.bar.show_value(caption, number)
 
     # -- choosing --------------------------------------------------------------------------------
 
@@ -337,7 +328,10 @@ class LiveWindow(StopWindow):
 
     def toggle_dock(self, title: str) -> None:
         dock = self._docks[title]
-        dock.setVisible(not dock.isVisible())
+        on = not dock.isVisible()
+        for other in self._docks.values() if self.height() < TWO_DOCKS_PX else ():
+            other.hide()
+        dock.setVisible(on)
         widget = dock.widget()
         if dock.isVisible():
             widget.setFocus()

@@ -13,6 +13,8 @@ from esea_host.recording.layout import Array
 
 # Words whose flags say that something holds the drive back.
 LIMIT_WORDS = ("limits_status", "passivity_status")
+# Of the limits' word: the latch is closed whenever the motor is off, and then a stop is asked for.
+LATCH, STOP_ASKED, MOTOR_OFF = "FAULT_LATCHED", "STOPPED", "motor off"
 BOARD_FAULTS = 100  # from here on no command clears them
 MOTOR_ON = ("ARMED", "ACTIVE", "LETTING_GO")
 ROLES = dict.fromkeys(MOTOR_ON, "moving") | {
@@ -58,7 +60,9 @@ def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
             not device.laws and output.name.endswith(of_axis("_status", axis))
         ):
             for i, flag in enumerate(output.port.flags):
-                name = flag.name.lower().replace("_", " ")
+                if flag.name == STOP_ASKED:
+                    continue
+                name = MOTOR_OFF if flag.name == LATCH else flag.name.lower().replace("_", " ")
                 if name in found:
                     word = output.name.removesuffix(of_axis("_status", axis)).replace("_", " ")
                     name = f"{word} {name}"
@@ -97,7 +101,7 @@ def refusals(state: str, moves: bool = False, fault: int = 0) -> dict[str, str]:
         "UNREFERENCED": "zero first",
         "STOPPED": "release first",
         "STOPPING": "stopping",
-        "FAULT": "acknowledge first",
+        "FAULT": "fault active",
         "ZEROING": "zeroing",
         "UNKNOWN": "no heartbeat",
     }.get(state, "")

@@ -38,6 +38,7 @@ class NumberField(QLineEdit):
         grid.addWidget(self._unit, 0, 1)
         grid.addWidget(self.reason, 1, 0, 1, 2)
         self.setMinimumWidth(60)
+        self.setInputMethodHints(Qt.InputMethodHint.ImhFormattedNumbersOnly)
         self.editingFinished.connect(self.take)
         self.textEdited.connect(lambda _: self._explain(""))
         self._show()

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
+from typing import Any
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
-from PySide6.QtWidgets import QPushButton, QTableWidget, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import (
+    QPushButton,
+    QStyledItemDelegate,
+    QTableWidget,
+    QTableWidgetItem,
+    QWidget,
+)
 
 from esea_gen.errors import UserError
 from esea_host.typed import read_number, shown_number
@@ -16,6 +24,13 @@ from esea_host.windows.theme import plain_label, plain_tip
 
 HEADS = ("parameter", "in force", "new", "unit", "bounds", "effect")
 NEW, MOST_HEIGHT_PX = 2, 210
+
+
+class _NumberCells(QStyledItemDelegate):
+    def createEditor(self, *given: Any) -> QWidget:
+        editor: QWidget = super().createEditor(*given)
+        editor.setInputMethodHints(Qt.InputMethodHint.ImhFormattedNumbersOnly)
+        return editor
 
 
 class ParameterEditor(QWidget):
@@ -29,6 +44,8 @@ class ParameterEditor(QWidget):
         self.answered.connect(self._show)
         self.table = QTableWidget(len(self.known), len(HEADS))
         self.table.setHorizontalHeaderLabels(HEADS)
+        self.table.setItemDelegateForColumn(NEW, _NumberCells(self.table))
+        self.table.setAccessibleName("Parameters")
         self.table.verticalHeader().hide()
         self.table.horizontalHeader().setStretchLastSection(True)
         self.table.cellChanged.connect(self._compared)
@@ -50,10 +67,10 @@ class ParameterEditor(QWidget):
         self._feed.do("read", job)
 
     def _show(self, values: dict[str, float]) -> None:
-        self._values = values
+        self._values = {p.name: values.get(p.name, math.nan) for p in self.known}
         self.table.blockSignals(True)
         for row, p in enumerate(self.known):
-            value = f"{values[p.name]:.7g}"
+            value = f"{self._values[p.name]:.7g}"
             cells = (p.name, value, value, p.unit, f"{p.low:g} to {p.high:g}", p.meaning)
             for place, text in enumerate(cells):
                 item = QTableWidgetItem(text)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from html import escape
 from typing import Any, ClassVar
@@ -15,109 +14,34 @@ import scipy  # its parts are read on first use
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel
 
-from esea_gen.model.sensing import of_axis
-from esea_host.windows.feed import Floats, LiveFeed, Stretch, curve, spans
+from esea_host.windows.feed import Floats, Stretch, curve, spans
 from esea_host.windows.frame import coloured
-from esea_host.windows.meanings import LimitFlag, limit_flags, mode_text
+from esea_host.windows.meanings import LimitFlag
+from esea_host.windows.signals import Shown, ShownSignal
 from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
-MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 78
+MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 66
+NUMBER_PX = 12  # from number to number of an axis, above each other
 LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
 FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
-DEG = 180 / math.pi
-Shown = Mapping[str, Stretch]
-# Of a plot its title, unit and limits, then of each signal its column, unit and label.
-PANELS = (
-    (
-        ("Torque", "Nm", "-tau_max_Nm", "tau_max_Nm"),
-        ("tau_desired_Nm", "Nm", "wanted"),
-        ("tau_set_Nm", "Nm", "set"),
-        ("tau_Nm", "Nm", "measured"),
-    ),
-    (("Deflection", "deg", "-theta_max_rad", "theta_max_rad"), ("theta_rad", "rad", "deflection")),
-    (("Joint", "deg", "rom_min_rad", "rom_max_rad"), ("theta_load_rad", "rad", "angle")),
-    (("Motor", "Nm", "-u_max_Nm", "u_max_Nm"), ("u_Nm", "Nm", "command")),
-)
-Head = tuple[str, str, str, str]
 LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
-
-
-@dataclass(frozen=True)
-class ShownSignal:
-    """A column of a stream; scale: from the column's unit to the shown one."""
-
-    stream: str
-    column: str
-    label: str
-    unit: str
-    scale: float = 1.0
-
-    @property
-    def name(self) -> str:
-        return f"{self.stream}.{self.column}"
-
-    def values(self, shown: Shown) -> Floats:
-        return np.asarray(shown[self.stream].rows[self.column], np.float64) * self.scale
-
-
-def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSignal:
-    """A signal; angles in degrees."""
-    if unit.startswith("rad"):
-        name = (label or column).replace("_rad", "_deg")
-        return ShownSignal(stream, column, name, unit.replace("rad", "deg", 1), DEG)
-    return ShownSignal(stream, column, label or column, "" if unit == "1" else unit)
-
-
-class AxisColumns:
-    """The columns of all streams, found by the axis that they are of."""
-
-    def __init__(self, feed: LiveFeed) -> None:
-        self._feed, self._device = feed, feed.device.identity.device
-        self.axes, self.drives = self._device.axes, bool(self._device.laws)
-        self.all = {(n, c.name): c for n, r in feed.rings.items() for c in r.layout.columns}
-        self._streams: dict[str, str] = {}
-        for stream, name in self.all:  # a task's inputs come before its outputs
-            self._streams.setdefault(name, stream)
-
-    def signals(self, wanted: Sequence[tuple[str, str, str]], axis: str) -> list[ShownSignal]:
-        """Those of an axis that the device has."""
-        own = [(of_axis(name, axis), unit, label) for name, unit, label in wanted]
-        return [
-            signal_of(self._streams[n], n, u, label) for n, u, label in own if n in self._streams
-        ]
-
-    def limits(self, head: Head, axis: str) -> tuple[float, float]:
-        """The limits of a plot in its unit, as the board told them last; NaN before."""
-        found = []
-        for name in head[2:]:
-            sign, own = (-1.0, name[1:]) if name[0] == "-" else (1.0, name)
-            instance = f"limits_{axis}" if axis else "limits"
-            value = self._feed.values.get(f"{instance}.{own}", math.nan)
-            found.append(sign * value * (DEG if head[1] == "deg" else 1.0))
-        return found[0], found[1]
-
-    def panels(self, axis: str) -> list[tuple[Head, list[ShownSignal]]]:
-        """The head of each plot that has signals, and these."""
-        found = [(head, self.signals(wanted, axis)) for head, *wanted in PANELS]
-        return [(head, signals) for head, signals in found if signals]
-
-    def flags(self, axis: str) -> list[tuple[str, LimitFlag]]:
-        """What may be reported of an axis, each with its stream."""
-        found = limit_flags(self._device, axis)
-        return [(self._streams[f.word], f) for f in found if f.word in self._streams]
-
-    def mode(self, axis: str) -> str:
-        """The mode in force, in words; empty where there is none."""
-        name = of_axis("mode_held", axis)
-        newest = self._feed.rings[self._streams[name]].newest() if name in self._streams else None
-        return "" if newest is None else mode_text(self._device, float(newest[name]))
 
 
 def legend(named: Iterable[tuple[str, str]]) -> str:
     """Names with their colours, for a title."""
     return " &nbsp; ".join(coloured(f"\u2501 {name}", colour) for name, colour in named)
+
+
+def _apart(
+    asked: Callable[..., list[tuple[float, float]]], low: float, high: float, size_px: float
+) -> list[tuple[float, float]]:
+    # Major ticks only, no two numbers on each other.
+    found = asked(low, high, size_px)[:1]
+    while found and found[0][0] * size_px < NUMBER_PX * (high - low):
+        found = [(2 * found[0][0], found[0][1])]
+    return found
 
 
 class PlotPanel:
@@ -127,10 +51,15 @@ class PlotPanel:
         self.item, self.title, self.bottom, self.left = item, title, bottom, left
         item.setMenuEnabled(False)
         item.hideButtons()
+        upright = item.getAxis("left")
+        upright.tickSpacing = partial(_apart, upright.tickSpacing)
 
     def dress(self, theme: Theme, more: str = "", size: str = "9pt") -> None:
         """Title with what comes after it, labels, axes and grid."""
         self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size=size)
+        # As high as its letters: the curves need the rest.
+        height_px = self.item.titleLabel.itemRect().height()
+        self.item.layout.setRowFixedHeight(0, height_px)
         for side, label in (("bottom", self.bottom), ("left", self.left)):
             axis = self.item.getAxis(side)
             if label or axis.labelText:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPalette
-from PySide6.QtWidgets import QLabel
+if TYPE_CHECKING:  # the browser view takes the colours without Qt
+    from PySide6.QtGui import QPalette
+    from PySide6.QtWidgets import QLabel
 
 
 def plain_label(text: str = "") -> QLabel:
     """A label of what came from elsewhere: a tag in it is shown, and does nothing."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtWidgets import QLabel
+
     label = QLabel(text)
     label.setTextFormat(Qt.TextFormat.PlainText)
     return label
@@ -37,6 +41,8 @@ class Theme:
     curves: tuple[str, ...]
 
     def palette(self) -> QPalette:
+        from PySide6.QtGui import QColor, QPalette
+
         made = QPalette()
         role = QPalette.ColorRole
         for place in (role.Window, role.Button):
@@ -64,8 +70,8 @@ DARK = Theme(
     *("#56b4e9", "#f0a04b", "#e08cc0", "#ff6b5e", "#3fc79a"),
     ("#3fc79a", "#e08cc0", "#56b4e9", "#f0a04b", "#b3a6ff", "#e6df5a", "#e4e9ee", "#62d6e8"),
 )
-# White letters on it: 4.5 to 1.
-BANNER_GROUND = "#9a4b00"
+# White letters on it: 8.5 to 1; the participant sees it, too.
+BANNER_GROUND = "#7a3b00"
 BANNER_STYLE = (
     f"background: {BANNER_GROUND}; color: white; font-weight: bold; padding: 2px 8px;"
     " border-radius: 3px"

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QLabel, QWidget
 from esea_host.windows.feed import Floats, Stretch
 from esea_host.windows.frame import push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
-from esea_host.windows.plots import ShownSignal
+from esea_host.windows.signals import ShownSignal
 
 BEFORE = 0.2  # of the time that is shown, before the crossing
 OFF, NORMAL, SINGLE = "off", "normal", "single"

@@ -38,10 +38,11 @@ from esea_host.wrist.stored import (
     save_calibration,
 )
 
+LEAST_HEIGHT_PX = 230  # of the plots
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
 SAVED = Path("wrist-calibration.toml")
 UNZEROED = ("UNKNOWN", "UNREFERENCED", "ZEROING")
-NAMES = {"FE": "flexion - / extension +", "RU": "ulnar - / radial +"}
+NAMES = {"FE": "flexion -, extension +", "RU": "ulnar -, radial +"}
 
 
 class _Pane(SceneView):
@@ -100,7 +101,7 @@ class _FactorPlot(PlotPanel):
         self._now.setPen(pg.mkPen(theme.measured, width=2))
         self._here.setSymbolBrush(theme.measured)
         self._here.setSymbolPen(pg.mkPen(theme.ink, width=1))
-        self.dress(theme, f" ({NAMES[self.title]}) from neutral [deg]", "10pt")
+        self.dress(theme, f": {NAMES[self.title]} [deg]", "10pt")
 
     def draw(self, now: AxisView) -> None:
         self._now.setValue(now.theta_deg)
@@ -158,6 +159,7 @@ class WristWindow(StopWindow):
             grid.addWidget(self.panes[name], 1, column)
             grid.setColumnStretch(column, 5)
         self._area = pg.GraphicsLayoutWidget()
+        self._area.setMinimumHeight(LEAST_HEIGHT_PX)
         self._plots = [_FactorPlot(self._area, row, axis) for row, axis in enumerate(AXES)]
         grid.addWidget(self._area, 0, 2, 2, 1)
         grid.setColumnStretch(2, 5)
@@ -299,6 +301,7 @@ class WristWindow(StopWindow):
     def _heads(self, picture: DisplayPicture) -> None:
         guide = self.display.guide
         left, right = "Raw: the wrist's angle", "Normalised"
+        px = min(max(self.width() // 60, 12), 17)
         if guide is not None and guide.current is not None:
             left = f"Step {len(guide.past) + 1} of {len(guide.steps)}, {guide.current.title}"
         if self.display.maps is None:
@@ -306,13 +309,14 @@ class WristWindow(StopWindow):
         elif not picture.applied:
             right += ": healthy, factor 1"
         for name, text in (("raw", left), ("normalised", right)):
-            self.heads[name].setText(f'<span style="font-size:17px"><b>{text}</b></span>')
+            self.heads[name].setText(f'<span style="font-size:{px}px"><b>{text}</b></span>')
         for name, values in (
             ("raw", [a.theta_deg for a in picture.axes]),
             ("normalised", [a.cursor_deg for a in picture.axes]),
         ):
             for axis, value in zip(AXES, values, strict=True):
-                self.bar.show_value(f"{name} {axis} [deg]", f"{round(value) + 0.0:+.0f}")
+                told = "\u2013" if self.feed.silent else f"{round(value) + 0.0:+.0f}"
+                self.bar.show_value(f"{name} {axis} [deg]", told)
 
     def _constraint(self, acts: bool | None) -> str:
         if acts is None:

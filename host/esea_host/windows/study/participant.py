@@ -11,10 +11,12 @@ from PySide6.QtGui import QCloseEvent, QColor, QGuiApplication, QMouseEvent, QPa
 
 from esea_host.study.conductor import Conductor, FrameTimes
 from esea_host.study.words import Words, keyed
+from esea_host.windows.frame import FRAME_PX
 from esea_host.windows.study.scene_view import PATCH, SceneView, square_in
 from esea_host.windows.theme import BANNER_GROUND
 
 Patch = Literal["off", "frame", "onset"]
+SIDE_PX = 900  # without a second screen
 BANNER = 0.035  # height of its letters over the smaller side
 
 
@@ -35,7 +37,6 @@ class ParticipantWindow(SceneView):
         self._now = conductor.screen()
         self.setWindowTitle("esea-host")
         self.setMouseTracking(True)
-        self.resize(900, 900)
         self.timer = QTimer(self)
         self.timer.setTimerType(Qt.TimerType.PreciseTimer)
         self.timer.timeout.connect(self.turn)
@@ -51,7 +52,11 @@ class ParticipantWindow(SceneView):
             self.showFullScreen()
             self.setCursor(Qt.CursorShape.BlankCursor)
         else:
-            self.show()
+            room = primary.geometry()
+            side = min(SIDE_PX, room.width(), room.height() - FRAME_PX[1])
+            self.showNormal()
+            self.unsetCursor()
+            self.setGeometry(room.right() - side, room.top() + FRAME_PX[1], side, side)
         size_px = [self.width(), self.height()]
         self.frames.facts = {"patch": self.patch, "language": self.words.language}
         self.frames.facts["size_px"] = size_px

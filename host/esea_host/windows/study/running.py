@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QGuiApplication
 
 from esea_host.connection import ConnectedDevice
 from esea_host.study.conductor import Conductor
@@ -36,13 +37,24 @@ def run_windows(
     operator = OperatorWindow(conductor, words, board, of_operator)
     if point is not None:
         participant.point = point
-    participant.place()
+
+    top = Qt.WindowType.WindowStaysOnTopHint
+
+    def place() -> None:
+        # On a single screen, also where the other one was unplugged, nothing covers STOP.
+        operator.setWindowFlag(top, len(QGuiApplication.screens()) == 1)
+        participant.place()
+
+    place()
     conductor.start()
 
     def look() -> None:
         # The operator's window is the session's: with it the other one goes.
         if not operator.isVisible():
             participant.close()
+        elif (len(QGuiApplication.screens()) == 1) != bool(operator.windowFlags() & top):
+            place()
+            operator.show()
         elif close and conductor.over:
             timer.stop()
             QTimer.singleShot(SHOWN_AT_END_MS, operator.close)

@@ -1,0 +1,79 @@
+"""An emulated moteus drive behind a pseudo terminal, with the virtual exoskeleton at its shaft.
+
+It takes the place of fdcanusb adapter, drive, motor and joint: the board's program opens the
+terminal as it would the adapter.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from esea_gen.board.moteus import MoteusDrive
+from esea_gen.device import load_device
+from esea_gen.errors import UserError
+from esea_gen.twin.published import PEOPLE
+from esea_gen.twin.run import PLANT_NAMES, plant_variant
+from esea_gen.twin.stepped import EMPTY, SteppedPlant
+from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PEOPLE_NAMES, PLANT, known
+from esea_host.simulated.server import IDLE_S, Terminal
+
+TICK_S, SILENCE_S = 1e-3, 0.01
+
+
+class MoteusJoint:
+    """Drive, motor, gear, coupling and person of a device with one axis."""
+
+    def __init__(
+        self, device: str, plant: str = PLANT, person: str = EMPTY_JOINT, seed: int = 0
+    ) -> None:
+        loaded = load_device(device)
+        actuator = loaded.file.actuator
+        if actuator is None or len(loaded.axes) != 1:
+            raise UserError(f"{loaded.name} has no single motor.", "Give such as elbow_drive.")
+        self.gear = actuator.gear_ratio.value
+        self._bits = 1 << int(loaded.file.encoder.resolution_bits.value)
+        self._gear_bits = 1 << int(actuator.encoder_bits.value)
+        self.drive = MoteusDrive({"motor_position.rotor_to_output_ratio": f"{1 / self.gear:.9f}"})
+        variant = plant_variant(loaded, known("plant", plant, PLANT_NAMES), "ideal", seed)
+        self.plant = SteppedPlant(variant)
+        who = PEOPLE.get(known("person", person, PEOPLE_NAMES), EMPTY)
+        self._rotor = self._last = 0  # counts of the rotor, over all its turns
+        counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
+        self._last = counts[2]
+        self._show(counts)
+
+    def _show(self, counts: tuple[int, int, int]) -> None:
+        _, load, gear = counts
+        half = self._gear_bits // 2
+        self._rotor += (gear - self._last + half) % self._gear_bits - half
+        self._last = gear
+        turned = self._rotor / self._gear_bits
+        self.drive.show(turned / self.gear, (gear / self._gear_bits, load / self._bits, None))
+
+    def tick(self) -> None:
+        """A millisecond of drive and plant."""
+        self.drive.advance(TICK_S)
+        self._show(self.plant.step(self.drive.torque_Nm / self.gear))
+
+
+def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) -> None:
+    """Answer what comes: a line is a millisecond of the joint, as a board sends one each tick.
+
+    So a busy computer slows both alike.  In silence the computer's time goes on, and the drive's
+    watchdog with it.
+    """
+    heard, last_s = b"", time.monotonic()
+    while not ends():
+        *lines, heard = (heard + (line.read() or b"")).split(b"\n")
+        for text in lines:
+            line.write(joint.drive.line(text.decode("ascii", "replace")).encode())
+            joint.tick()
+        silence_s = time.monotonic() - last_s
+        if lines:
+            last_s = time.monotonic()
+        elif silence_s > SILENCE_S:
+            joint.tick()
+            last_s += TICK_S
+        else:
+            time.sleep(IDLE_S)
