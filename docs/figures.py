@@ -36,7 +36,7 @@ BLOCK = re.compile(
 )
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ENDED = ("unstable", "tripped", "fault", "failure")
-WORDS = {"True": "yes", "False": "no", "None": "–"}
+WORDS = {"True": "yes", "False": "no"}
 PROGRAMS = {"esea-gen": ["-m", "esea_gen.cli"], "esea-host": ["-m", "esea_host.cli"], "python": []}
 CONTINUED = ("esea-gen simulate", "esea-gen faults")
 
@@ -62,6 +62,7 @@ class FigureTable:
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
     columns: Sequence[FigureColumn] = ()
+    most: int | None = None  # rows
     text: str = ""  # instead, of one figure: a template for the results, by their place
 
     @property
@@ -70,8 +71,13 @@ class FigureTable:
 
 
 @cache
+def registry() -> dict[str, Any]:
+    return tomllib.loads((DOCS / "figures.toml").read_text(encoding="utf-8"))
+
+
+@cache
 def tables() -> dict[str, FigureTable]:
-    content = tomllib.loads((DOCS / "figures.toml").read_text(encoding="utf-8"))
+    content = registry()
     found = {}
     for name, row in content["table"].items():
         columns = tuple(FigureColumn(*c[:2], *c[2:]) for c in row.pop("columns", ()))
@@ -100,7 +106,7 @@ class Cells(string.Formatter):
     """`{x:.1f}`, a dash for what is missing; `{x!n}` counts what is true in lists of lists."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        return "None" if value is None else str(super().format_field(value, format_spec))
+        return "–" if value is None else str(super().format_field(value, format_spec))
 
     def convert_field(self, value: Any, conversion: Any) -> Any:
         return counted(value) if conversion == "n" else super().convert_field(value, conversion)
@@ -163,7 +169,7 @@ def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
             cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
         rows.append(reworded(f"| {' | '.join(cells)} |", table))
     heads = [c.head for c in table.columns]
-    return [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows]
+    return [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads), *rows[: table.most]]
 
 
 def reworded(line: str, table: FigureTable) -> str:
@@ -190,14 +196,21 @@ def place_digest(place: str) -> str:
 
 def inputs_of(table: FigureTable) -> str:
     drawn_as = table.text or repr((table.rows, table.where, table.words, table.columns))
-    return digest(*map(place_digest, table.inputs), *table.commands, drawn_as)
+    return digest(*map(place_digest, table.inputs), *map(with_files, table.commands), drawn_as)
+
+
+def with_files(command: str) -> str:
+    """A command, and what its device files of the registry hold."""
+    return command + "".join(t for n, t in registry()["files"].items() if n in command)
 
 
 def result_of(command: str, table: FigureTable, jobs: int) -> Any:
     """What a command writes as JSON; of an earlier run if nothing has changed since."""
     KEPT.mkdir(parents=True, exist_ok=True)
-    path = KEPT / f"{digest(*map(place_digest, table.inputs), command)}.json"
+    path = KEPT / f"{digest(*map(place_digest, table.inputs), with_files(command))}.json"
     if not path.exists():
+        for name, text in registry()["files"].items():
+            (KEPT / name).write_text(text, encoding="utf-8")
         program, *words = shlex.split(command)
         call = [sys.executable, *PROGRAMS[program], *words]
         if command.startswith(CONTINUED):

@@ -53,6 +53,21 @@ def test_a_table_is_drawn_in_place_with_its_source(page):
     assert list(figures.problems(figures.blocks(page))) == []
 
 
+def test_a_figure_within_a_sentence_is_drawn_in_place(page, monkeypatch):
+    text, result = "{0[a][0]:.1f} of {0[b]!n}, {0[c]:.2f}", {"a": [7.44], "b": [[True, False]]}
+    table = dataclasses.replace(figures.tables()["small"], columns=(), text=text)
+    monkeypatch.setattr(figures, "tables", lambda: {"most": table})
+    monkeypatch.setattr(figures, "result_of", lambda *_: result | {"c": None})
+    (page / "a.md").write_text("At most <!-- figures:most --><!-- /figures --> here.\n")
+    for _ in range(2):  # the second time in place of the first
+        figures.write(figures.blocks(page)["most"], figures.computed(table), "2026-01-02")
+    content = (page / "a.md").read_text()
+    assert re.sub("<!--.*?-->", "", content) == "At most 7.4 of 1, – here.\n"
+    assert list(figures.problems(figures.blocks(page))) == []
+    (page / "a.md").write_text(content.replace("7.4", "7.3"))
+    assert "most: edited by hand" in "\n".join(figures.problems(figures.blocks(page)))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -42,7 +42,7 @@ def firmware(
     from esea_gen.board.firmware import build_firmware
 
     loaded = esea_gen.load_device(device, controller)
-    fits, needs_Hz = _fits(loaded, board, cycles)
+    fits, times, needs_Hz = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name, needs_Hz=needs_Hz)
     measured = f"flash {image.flash_bytes} B, RAM {image.ram_bytes} B"  # not of zig's
     out.print(f"{image.elf}: {measured if image.flash_bytes else image.compiler}")
@@ -52,17 +52,19 @@ def firmware(
 
         for path in build_package(loaded, image, image.elf.parent):
             out.print(f"{path}: {path.stat().st_size} B")
-    write_json(json_file, "firmware", image.to_dict())
+    write_json(json_file, "firmware", image.to_dict() | times)
 
 
-def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], float | None]:
-    # What a drive's tasks take on a board with a known clock, too long being an error; and the
-    # slowest clock that they fit at.
+def _fits(
+    loaded: Device, name: str, cycles: float | None
+) -> tuple[list[str], dict[str, Any], float | None]:
+    # What a drive's tasks take on a board with a known clock, too long being an error, as lines and
+    # for JSON; and the slowest clock that they fit at.
     board = BOARDS.get(name)
     if not loaded.laws or board is None or not (board.clock_Hz or cycles):
-        return [], None
+        return [], {}, None
     if board.real != "f32":
-        return [f"time is not checked: code in {board.real} has no bound"], None
+        return [f"time is not checked: code in {board.real} has no bound"], {}, None
     from esea_gen.board.release import lighter_law, task_times
 
     times = task_times(loaded, board, cycles)
@@ -79,7 +81,10 @@ def _fits(loaded: Device, name: str, cycles: float | None) -> tuple[list[str], f
             f"it needs {times.least_MHz:g} MHz: where the board stays at "
             f"{board.reset_Hz / 1e6:g} MHz it {slow}"
         )
-    return lines, times.least_Hz
+    found: dict[str, Any] = {"instructions": times.instructions, "needs_MHz": times.least_MHz}
+    for key in ("ended", "release"):
+        found[f"{key}_ms"] = {k: 1e3 * s for k, s in getattr(times, f"{key}_s").items()}
+    return lines, found, times.least_Hz
 
 
 @app.command()

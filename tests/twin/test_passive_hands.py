@@ -9,6 +9,7 @@ import pytest
 
 import esea_gen
 from esea_gen.analysis.passivity import Hand
+from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.studies.passivity.push import judge_push, push_case
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Setting
 from esea_gen.twin.controllers import controller_device
@@ -47,6 +48,9 @@ DRAWN = [
 ]
 
 
+LAWS = [BEST_CONTROLLER, "cascade", "smc"]
+
+
 def verdicts(controller: str, mode: int, asked: list) -> list[bool]:
     """Whether each limp hand swings up, is stopped, or gets over a hundredth of the push."""
     require_tool("gcc")
@@ -63,13 +67,13 @@ def verdicts(controller: str, mode: int, asked: list) -> list[bool]:
 
 
 @pytest.mark.parametrize("mode", [TORQUE, IMPEDANCE])
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize("controller", LAWS)
 def test_limp_hands_get_nothing_at_gains_of_zero(controller, mode):
     assert not any(verdicts(controller, mode, LIMP))
 
 
 @pytest.mark.parametrize("asked", [HELD, LET_GO, DRAWN], ids=["thesis", "let go", "drawn plants"])
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize("controller", LAWS)
 def test_limp_hands_get_nothing_from_a_rendered_spring(controller, asked):
     assert not any(verdicts(controller, IMPEDANCE, asked))
 
@@ -167,7 +171,7 @@ def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize("controller", ["smc", "mpc"])
+@pytest.mark.parametrize("controller", LAWS)
 @pytest.mark.parametrize("plant", ["real", "ideal"])
 def test_the_drive_does_as_the_proof_assumes(controller, plant):
     """The motor's torque stays below the model's, and given and held grow by its work at most."""

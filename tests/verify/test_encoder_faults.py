@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from esea_gen.control.limits.faults import Fault
+from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person
@@ -187,8 +188,18 @@ def page_rows(page: str, table: str) -> dict[str, dict[str, str]]:
     return {row[0]: dict(zip(lines[0], row, strict=True)) for row in lines[2:]}
 
 
-CASES_NOW = [("freeze:load", "60 Nm/rad", 4), ("gain:load=1.2", "60 Nm/rad", 2)]
-MORE = [(r, p, s) for r, p, _ in CASES_NOW for p in everyone.FEW for s in range(20)]
+LAWS, SEEDS = (BEST_CONTROLLER, "cascade", "smc"), range(1000, 1006)  # of the page's commands
+CASES_NOW = [
+    ("freeze:load", "60 Nm/rad", 1004, BEST_CONTROLLER),
+    ("gain:load=1.2", "limp", 1002, "cascade"),
+]
+MORE = [
+    (r, p, s, law)
+    for r, *_ in CASES_NOW
+    for p in SUBJECTS
+    for law in LAWS
+    for s in SEEDS[: 6 if law == BEST_CONTROLLER else 3]
+]
 
 
 @pytest.mark.parametrize(
@@ -198,14 +209,16 @@ def test_what_a_fault_does_is_within_the_pages_table(some):
     require_tool("gcc")
     gear_ratio = everyone.loaded("elbow_drive", "smc").file.actuator.gear_ratio.value
     rows = page_rows("limits.md", "encoder-faults")
-    for row, person, seed in some:
+    for row, person, seed, law in some:
         fault = asdict(everyone.board_fault(row, gear_ratio))
-        case = {"controller": ("smc", "mpc")[seed % 2], "fault": fault, "person": person}
+        case = {"controller": law, "fault": fault, "person": person}
         ticks = everyone.WATCHED, everyone.RUN_OUT
         felt = everyone.felt_by("elbow_drive", seed=seed, halts=False, ticks=ticks, **case)
-        assert felt["torque_then_Nm"] <= float(rows[row][person]) + 0.06, (row, person, seed)
+        most = rows[row][person if law == BEST_CONTROLLER else f"`{law}`, most"]
+        assert felt["torque_then_Nm"] <= float(most) + 0.06, (row, person, seed, law)
         latest = rows[row]["latest, ticks"]
-        assert felt["found_ticks"] <= (0 if latest == "–" else int(latest)), (row, person, seed)
+        if law == BEST_CONTROLLER:
+            assert felt["found_ticks"] <= (0 if latest == "–" else int(latest)), (row, person, seed)
 
 
 def test_amounts_are_of_the_joint():
@@ -216,7 +229,7 @@ def test_amounts_are_of_the_joint():
     assert faults["gain:both=1.2"] == BoardFault("count_motor+count_load", "gain", 1.2)
     signs = [f.amount for text, f in faults.items() if text.startswith(("slip", "drift"))]
     assert sorted(signs) == sorted(-x for x in signs)
-    assert set(faults) == set(page_rows("limits.md", "encoder-faults"))
+    assert {*faults, everyone.ANY} == set(page_rows("limits.md", "encoder-faults"))
 
 
 def test_a_reflex_pulls_late_and_by_its_share():
@@ -230,11 +243,12 @@ def test_a_reflex_pulls_late_and_by_its_share():
 def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
     require_tool("gcc")
     rows = page_rows("faults.md", "stops")
-    assert list(rows) == sorted(rows, key=lambda r: -max(map(float, list(rows[r].values())[1:])))
+    cells = {r: " / ".join(list(row.values())[1:]).split(" / ") for r, row in rows.items()}
+    assert list(rows) == sorted(rows, key=lambda r: -max(map(float, cells[r])))
     peaks = []
     for fault in (BoardFault("stop line", "open"), BoardFault("operator", "stop")):
         scene = everyone.drawn_scene("60 Nm/rad", 4, halts=True)
-        felt = rig_of(everyone.loaded("elbow_drive", "smc")).run(
+        felt = rig_of(everyone.loaded("elbow_drive", BEST_CONTROLLER)).run(
             scene, fault, 1300, 4, (2100, 1500)
         )
         peaks.append(felt.peak_torque_Nm)
@@ -308,11 +322,16 @@ def test_the_command_writes_the_table_by_person(tmp_path):
     require_tool("gcc")
     out = tmp_path / "stops.json"
     call = ("faults", "elbow_drive", "--table", "stops", "--runs", "1", "--jobs", "1")
-    done = run_cli(*call, "--controller", "smc", "--json", out, cwd=tmp_path)
+    done = run_cli(*call, "--controller", "cascade,smc", "--json", out, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
     content = json.loads(out.read_text())
-    assert {r["name"] for r in content["people"]} == set(SUBJECTS)
+    worst, *people = content["people"]
+    assert {r["name"] for r in people} == set(SUBJECTS)
+    for column, by_law_Nm in worst["by_law_Nm"].items():
+        assert list(by_law_Nm) == ["cascade", "smc"]
+        for law, torque_Nm in by_law_Nm.items():
+            assert torque_Nm == max(r["by_law_Nm"][column][law] for r in people)
     for wrong in (
         ("--table", "stop"),
         ("--controller", "smc"),

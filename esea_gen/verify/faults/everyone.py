@@ -34,7 +34,7 @@ from esea_gen.verify.faults.subjects import CLAMPED, LIMP, MOST_NM, SUBJECTS
 
 SEEDS = 20
 ENCODERS, STOPS = "encoders", "stops"
-ANY = "any of these"  # the row of all faults
+ANY = "largest"  # the row of all rows
 # Ticks after a fault; after it was found; after a stop has switched the motor off.
 WATCHED, RUN_OUT, STOP_WATCHED = 3000, 100, 1500
 SIDES = ("load", "motor", "both", "gear")
@@ -110,10 +110,10 @@ def _stop_cases(_: Device) -> dict[Column, dict[str, Any]]:
 
 
 def _row(name: str, key: str, runs: Sequence[Run]) -> dict[str, Any]:
-    torque_Nm: dict[str, dict[str, float]] = {}
+    by_law_Nm: dict[str, dict[str, float]] = {}
     laws = dict.fromkeys(law for _, law, _ in runs)
     for column, law, v in runs:
-        of = torque_Nm.setdefault(column, {})
+        of = by_law_Nm.setdefault(column, {})
         of[law] = max(v[key], of.get(law, 0.0))
     found = [int(v["found_ticks"]) for *_, v in runs if v["found_ticks"] >= 0]
     lost = [(v["torque_then_Nm"], column, law) for column, law, v in runs if v["found_ticks"] < 0]
@@ -122,8 +122,9 @@ def _row(name: str, key: str, runs: Sequence[Run]) -> dict[str, Any]:
         "name": name,
         "found": f"{len(found)} of {len(runs)}",
         "latest_ticks": max(found, default=None),
-        "torque_Nm": torque_Nm,
-        "most_Nm": {law: max(of[law] for of in torque_Nm.values()) for law in laws},
+        "torque_Nm": {column: max(of.values()) for column, of in by_law_Nm.items()},
+        "by_law_Nm": by_law_Nm,
+        "most_Nm": {law: max(of[law] for of in by_law_Nm.values()) for law in laws},
         "unfound_Nm": unfound_Nm,
         "unfound_by": ", ".join(map(str, whose)),
         "energy_J": max(v["energy_J"] for *_, v in runs),
@@ -147,7 +148,7 @@ class PeopleTable:
         heads = ["", *self.people[0]["torque_Nm"], *titles]
         lines = [heads, ["---"] * len(heads)]
         for row in self.people:
-            felt = [" / ".join(f"{x:.1f}" for x in of.values()) for of in row["torque_Nm"].values()]
+            felt = [" / ".join(f"{x:.1f}" for x in of.values()) for of in row["by_law_Nm"].values()]
             cells = [row[k] for k in more]
             shown = [f"{x:.1f}" if isinstance(x, float) else str(x or "–") for x in cells]
             lines.append([row["name"], *felt, *shown])
@@ -204,8 +205,7 @@ def people_table(
         law = names[k // (seeds * len(made))]
         rows.setdefault(row, []).append((column, law, result.values))
     key = "torque_then_Nm" if what == ENCODERS else "peak_torque_Nm"
-    if what == ENCODERS:
-        rows = {ANY: [run for of in rows.values() for run in of]} | rows
+    rows = {ANY: [run for of in rows.values() for run in of]} | rows
     people = [_row(name, key, runs) for name, runs in rows.items()]
     people.sort(key=lambda r: -max(r["most_Nm"].values()))
     return PeopleTable(device.name, names, seeds, what, people)
