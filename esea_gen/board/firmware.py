@@ -139,7 +139,6 @@ def build_firmware(
         helpers = double_helpers(built, toolchain) if chosen.machine else []
         if helpers:
             raise RuntimeError("the image holds double arithmetic: " + ", ".join(helpers))
-
         sections: dict[str, int] = {}
         step_stack: dict[str, int] = {}
         entries = {t: f"{prefix}_{t.name}_step" for t in device.system.tasks}

@@ -72,18 +72,14 @@ def export_fmu(
 
     The whole controller of the device, or one Block of it, or the virtual exoskeleton.
     """
-    from esea_gen.export.fmu import every_platform, make_fmu
+    from esea_gen.export.fmu import make_fmu
     from esea_gen.export.model import block_model, controller_model, twin_model
 
     if fmi not in ("2", "3"):
         raise UserError(f"--fmi {fmi}: there is no such version here.", "Give 2 or 3.")
+    every = _platforms(platforms)
     if block is not None and plant is not None:
         raise UserError("--block and --plant ask for two FMUs.", "Give one of them.")
-    if platforms not in (None, "all", "host"):
-        raise UserError(f"--platforms {platforms}: there is no such choice.", "Give all or host.")
-    every = () if platforms == "host" else every_platform()
-    if platforms == "all" and not every:
-        from_extra("ziglang", "compiler", "A binary for other platforms")
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         say(f"{loaded.name}: rendering and compiling")
@@ -110,9 +106,19 @@ def export_fmu(
     out.print(f"{path}: {model.title}; FMI {fmi}.0, {model.renderer.fmt.name}")
     out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
     binaries = sorted(n.split("/")[1] for n in made.files if n.startswith("binaries/"))
-    out.print(f"binaries: {', '.join(binaries)}; {path.stat().st_size / 1e3:.0f} kB")
-    out.print(f"content {model.digest}")
-    out.print(f"Next: esea-gen export check {path}")
+    told = f"binaries: {', '.join(binaries)}; {path.stat().st_size / 1e3:.0f} kB"
+    out.lines([told, f"content {model.digest}", f"Next: esea-gen export check {path}"])
+
+
+def _platforms(asked: str | None) -> Any:
+    from esea_gen.export.fmu import every_platform
+
+    if asked not in (None, "all", "host"):
+        raise UserError(f"--platforms {asked}: there is no such choice.", "Give all or host.")
+    every = () if asked == "host" else every_platform()
+    if asked == "all" and not every:
+        from_extra("ziglang", "compiler", "A binary for other platforms")
+    return every
 
 
 @export.command("check")

@@ -196,7 +196,6 @@ def test_the_daemon_of_a_64_bit_arm_gives_the_hosts_bits(folder):
 @pytest.mark.parametrize("words", ["verify elbow", "simulate step", "demo"])
 def test_python_and_pip_alone_are_enough(folder, only, tmp_path, monkeypatch, words):
     only()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     if words == "demo":
         from esea_host.cli import app
