@@ -120,7 +120,8 @@ def called(job: Job) -> Callable[..., None]:
 
 def takes_letters(widget: QWidget | None) -> bool:
     """Whether a space is a space there: a number, also in a table, has none."""
-    over = widget and widget.parentWidget() and widget.parentWidget().parentWidget()
+    parent = widget and widget.parentWidget()
+    over = parent and parent.parentWidget()
     number = isinstance(widget, NumberField) or isinstance(over, QTableWidget)
     return isinstance(widget, QLineEdit) and not number
 
