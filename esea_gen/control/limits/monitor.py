@@ -230,7 +230,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     steps, t = 600, np.arange(600)
     full = block.inputs[0].high + 1
     sound = np.floor(full * (0.4 + 0.03 * np.sin(t / 80)))
-    low = next(p.size for p in block.state if p.name == "ones")
+    low = next((p.size for p in block.state if p.name == "ones"), 0)  # none watched: noise alone
     stuck = [sound - sound // 2**bit % 2 * 2**bit for bit in range(low)]
     noisy = np.floor(sound + 2e-3 * full * rng.standard_normal(steps)) % full
     count = np.concatenate([sound, *stuck, sound, noisy, sound, sound])
