@@ -245,8 +245,9 @@ def _commands(block: Block, _rng: np.random.Generator) -> list[Stream]:
     t = np.arange(2400.0)
     high = {p.name: p.high for p in block.inputs}
     u = high["u_command_Nm"] * np.sign(np.sin(t / np.where(t < 800, 60, 12)))
-    motor, load = (np.where(part, t // 100 % 4, 0) for part in (t > 1600, t < 800))
+    doubts = [p.name for p in block.inputs if p.name.startswith("doubt")]
+    x = {n: np.where(t // 800 == k, t // 100 % 4, 0) for k, n in enumerate(doubts)}
     # The torque is missed by half of the full one, by a little, and with either sign.
     missed = 0.5 * high["tau_set_Nm"] * np.array([1, 0.1, -1])[(t // 300 % 3).astype(int)]
-    x = {"doubt_motor": motor, "doubt_load": load, "u_command_Nm": u}
-    return [Stream("to and fro", x | {"tau_set_Nm": missed, "tau_Nm": 0 * t})]
+    x |= {"u_command_Nm": u, "tau_set_Nm": missed, "tau_Nm": 0 * t}
+    return [Stream("to and fro", x)]
