@@ -34,6 +34,7 @@ _COMMANDS = {
     Register.COMMAND_KD_SCALE: 1.0,
     Register.COMMAND_POSITION_MAX_TORQUE: math.nan,
     Register.COMMAND_TIMEOUT: 0.0,
+    Register.COMMAND_ILIMIT_SCALE: 1.0,
 }
 
 
@@ -79,6 +80,10 @@ class MoteusDrive:
             self.mode = Mode.TIMEOUT
         if self.mode != Mode.POSITION:
             self.torque_Nm = 0.0
+
+    def restart(self) -> None:
+        """Power off and on."""
+        self.mode, self.fault, self.torque_Nm, self._now_s = Mode.STOPPED, 0, 0.0, 0.0
 
     def fail(self, code: int) -> None:
         """Latch a fault of the drive."""

@@ -24,6 +24,7 @@
 #define POSITION_COMMAND 0x020u
 #define KP_SCALE 0x023u
 #define WATCHDOG 0x027u
+#define ILIMIT_SCALE 0x02Bu
 #define SLOT_0 0x050u
 #define VALIDITY 0x058u
 #define COUNTER 0x070u
@@ -102,6 +103,7 @@ size_t esea_moteus_command(uint8_t *frame, bool on, float torque_Nm, float most_
         at = put_float(put(at, WRITE | FLOAT, 3u, KP_SCALE), 0.0f);
         at = put_float(put_float(at, 0.0f), most_Nm);
         at = put_float(put(at, WRITE | FLOAT, 1u, WATCHDOG), watchdog_s);
+        at = put_float(put(at, WRITE | FLOAT, 1u, ILIMIT_SCALE), 0.0f); /* the integral, which kp does not scale */
     }
     at = put(at, READ | INT8, 1u, MODE);
     at = put(at, READ | FLOAT, 3u, POSITION);

@@ -72,6 +72,7 @@ def test_the_maker_reads_a_bounded_torque_or_a_stop(c, on, torque, most, watchdo
             Register.COMMAND_KD_SCALE: 0,
             Register.COMMAND_POSITION_MAX_TORQUE: most,
             Register.COMMAND_TIMEOUT: watchdog,
+            Register.COMMAND_ILIMIT_SCALE: 0,
         }
     asked = {p.register for p in parts if p.type is multiplex.SubframeType.READ}
     assert asked == {*FIELDS, 0x050, 0x052, 0x054} - {Register.REGISTER_MAP_VERSION}
@@ -169,8 +170,8 @@ class Bench:
 
 
 @contextmanager
-def bench(person="none", **settings):
-    joint = MoteusJoint("elbow_drive", person=person)
+def bench(person="none", rotor_side=False, **settings):
+    joint = MoteusJoint("elbow_drive", person=person, rotor_side=rotor_side)
     joint.drive.settings |= settings
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
@@ -183,7 +184,7 @@ def bench(person="none", **settings):
     #include <stdlib.h>
     void esea_board_drivers(esea_port_t *port)
     {{
-        if (!drive_open(port, "serial:{os.ttyname(theirs)}"))
+        if (!drive_open(port, "serial:{os.ttyname(theirs)}", {str(rotor_side).lower()}))
             port->notice = "refused";
     }}
     """
@@ -267,6 +268,31 @@ def test_a_fault_of_the_drive_latches_at_once_and_a_limit_soon():
         it.joint.drive.limit_Nm = 0.1
         it.ticks(25, 0.5)
         assert (it.state, it.board.lib.sim_fault()) == ("FAULT", FAULTS["DRIVE"])
+
+
+def test_a_drive_that_was_away_is_not_armed_on_the_turns_it_forgot():
+    """A rotor's whole turn is 4.9 deg of the joint; silence or a counter set back tells."""
+    for away in (400, 2):
+        with bench() as it:
+            it.ticks(50)
+            it.board.zero()
+            it.ticks(250)
+            it.cut = True
+            it.ticks(away)
+            it.cut = False
+            it.joint.drive.restart()
+            it.ticks(10)
+            assert it.state == "FAULT"
+            it.board.reset()
+            it.ticks(30)
+            assert it.state == "UNREFERENCED"
+
+
+def test_without_an_encoder_on_the_motor_side_no_zero_is_kept(capfd):
+    with bench(rotor_side=True):  # the board `sim` has a store
+        assert "--keep" in capfd.readouterr().err
+    with bench():
+        assert "encoder 2" in capfd.readouterr().err
 
 
 def test_late_answers_are_bridged_and_then_stop():

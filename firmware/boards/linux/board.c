@@ -1,11 +1,12 @@
 /* A computer with Linux as a board, one program in one thread: a tick is taken where a microcontroller's
  * interrupt would come, between two instructions that read the line, write it, or wait.
  *
- *   PROGRAM [ADDRESS] [--drive ADDRESS] [--keep FILE] [--priority N]
+ *   PROGRAM [ADDRESS] [--drive ADDRESS [--rotor-side]] [--keep FILE] [--priority N]
  *
  * ADDRESS  tcp:PORT or tcp:HOST:PORT (this computer alone unless HOST says otherwise), serial:FILE[:BAUD], pty;
  *          without one: frames on standard input and output and no own clock, so that it only replays
  * --drive  serial:FILE (an fdcanusb adapter) or can:INTERFACE: a moteus drive with the encoders of the joint
+ * --rotor-side  no encoder on the motor side of the coupling: its angle follows from the rotor's
  * --keep   file for what outlasts the power, and the black box, which so survives the program
  * --priority  of SCHED_FIFO, 80 if not given; 0: that of any other program
  *
@@ -379,6 +380,7 @@ int main(int argc, char **argv)
         .stack_peak_bytes = port_stack_unknown,
     };
     const char *address = "stdio", *drive = NULL;
+    bool rotor_side = false;
     int i, priority = 80;
 
     for (i = 1; i < argc; ++i)
@@ -386,6 +388,8 @@ int main(int argc, char **argv)
             open_kept(&port, argv[++i]);
         else if (strcmp(argv[i], "--drive") == 0 && i + 1 < argc)
             drive = argv[++i];
+        else if (strcmp(argv[i], "--rotor-side") == 0)
+            rotor_side = true;
         else if (strcmp(argv[i], "--priority") == 0 && i + 1 < argc)
             priority = atoi(argv[++i]);
         else if (strcmp(argv[i], "--stack-exhausted") == 0) /* for tests */
@@ -398,7 +402,7 @@ int main(int argc, char **argv)
         return 2;
     }
     esea_board_drivers(&port);
-    if (drive != NULL && !drive_open(&port, drive))
+    if (drive != NULL && !drive_open(&port, drive, rotor_side))
         return 2;
     port.unique = any_number();
     if (line_live(&line)) {

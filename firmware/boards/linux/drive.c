@@ -27,13 +27,16 @@
 #define SILENT_TICKS 4u /* one more than the encoders' Blocks bridge */
 #define WRONG_TICKS 20u /* in a mode that was not asked for, or limited */
 #define PATIENCE_MS 500
+#define TRIES 100u
 
 static esea_moteus_t drive;
 static int file = -1;
 static bool can, on;
 static float turn = 1.0f, most_Nm = 0.0f; /* torque at the drive's output over the motor's; largest there */
 static bool own_motor_side; /* slot 2 is the coupling's motor side; else it follows from the rotor */
-static uint32_t taken, silent, wrong, left_out;
+static bool restarted;      /* the drive, which then forgets whole turns of the rotor */
+static float first_fault, last_counter;
+static uint32_t seen, taken, silent, wrong, left_out;
 static char heard[ESEA_MOTEUS_LINE_BYTES * 2u];
 static size_t heard_count;
 
@@ -110,11 +113,25 @@ static size_t next_frame(uint8_t *frame)
     }
 }
 
+/* All that has come: the last one counts. */
+static void drain(void)
+{
+    uint8_t frame[ESEA_MOTEUS_FRAME_BYTES];
+    size_t count;
+
+    while ((count = next_frame(frame)) > 0u) {
+        (void)esea_moteus_take(&drive, frame, count);
+        restarted = restarted || drive.counter < last_counter;
+        last_counter = drive.counter;
+    }
+}
+
 static void query(bool enable, float torque_Nm)
 {
     uint8_t frame[ESEA_MOTEUS_FRAME_BYTES];
     const size_t count = esea_moteus_command(frame, enable, torque_Nm, most_Nm, WATCHDOG_S);
 
+    drain(); /* nothing old waits while the clock rests */
     if (!send_frame(frame, count))
         esea_count(&left_out);
 }
@@ -135,18 +152,14 @@ static bool slot_valid(uint32_t slot)
     return drive.valid >= 0.0f && ((uint32_t)drive.valid >> (2u * slot) & 1u) != 0u;
 }
 
-/* At most one reply a tick is asked for; the last one counts. */
 static void port_sample(float *measured)
 {
     static const uint32_t motor[] = ESEA_LINK_MOTOR_COUNTS, load[] = ESEA_LINK_LOAD_COUNTS;
-    uint8_t frame[ESEA_MOTEUS_FRAME_BYTES];
-    uint32_t before = drive.replies;
-    size_t count;
 
-    while ((count = next_frame(frame)) > 0u)
-        (void)esea_moteus_take(&drive, frame, count);
-    silent = drive.replies != before ? 0u : silent + 1u;
-    taken += drive.replies != before;
+    drain();
+    silent = drive.replies != seen ? 0u : silent + 1u;
+    taken += drive.replies != seen;
+    seen = drive.replies;
     put_count(&measured[motor[0]], own_motor_side ? drive.slot_rev[2] : drive.output_rev, ESEA_ENCODER_BITS,
             silent == 0u && (!own_motor_side || slot_valid(2u)));
     put_count(&measured[load[0]], drive.slot_rev[1], ESEA_ENCODER_BITS, silent == 0u && slot_valid(1u));
@@ -169,24 +182,29 @@ static void port_motor(const float *u_Nm, bool enable)
     query(enable, u_Nm[0] * turn);
 }
 
+/* A drive that was away may have forgotten turns of the rotor, also with the motor off. */
 static uint32_t port_trouble(void)
 {
-    if (!on)
-        return ESEA_FAULT_NONE;
     if (silent >= SILENT_TICKS)
         return ESEA_FAULT_DRIVE_SILENT;
-    if (drive.mode == (float)ESEA_MOTEUS_FAULT || drive.mode == (float)ESEA_MOTEUS_TIMEOUT)
-        return ESEA_FAULT_DRIVE;
-    /* It needs some ticks to begin. */
-    wrong = drive.mode != (float)ESEA_MOTEUS_POSITION || esea_moteus_limits(&drive) ? wrong + 1u : 0u;
-    return wrong >= WRONG_TICKS ? (uint32_t)ESEA_FAULT_DRIVE : (uint32_t)ESEA_FAULT_NONE;
+    if (on) { /* it needs some ticks to begin */
+        wrong = drive.mode != (float)ESEA_MOTEUS_POSITION || esea_moteus_limits(&drive) ? wrong + 1u : 0u;
+        if (drive.mode == (float)ESEA_MOTEUS_FAULT || drive.mode == (float)ESEA_MOTEUS_TIMEOUT)
+            wrong = WRONG_TICKS;
+    }
+    if (!restarted && wrong < WRONG_TICKS)
+        return ESEA_FAULT_NONE;
+    first_fault = wrong < WRONG_TICKS ? first_fault : drive.fault; /* a stop clears it in the drive */
+    restarted = false;
+    wrong = 0u;
+    return ESEA_FAULT_DRIVE;
 }
 
 void drive_print(FILE *to)
 {
     if (file >= 0)
-        fprintf(to, "drive: mode %g, fault %g, %.1f V, board %.1f degC, motor %.1f degC; %u replies, %u frames left out\n",
-                (double)drive.mode, (double)drive.fault, (double)drive.voltage_V, (double)drive.board_C,
+        fprintf(to, "drive: mode %g, fault %g (of the last stop: %g), %.1f V, board %.1f degC, motor %.1f degC; %u replies, %u frames left out\n",
+                (double)drive.mode, (double)drive.fault, (double)first_fault, (double)drive.voltage_V, (double)drive.board_C,
                 (double)drive.motor_C, taken, left_out);
 }
 
@@ -274,12 +292,12 @@ static bool check_settings(void)
     uint8_t frame[ESEA_MOTEUS_FRAME_BYTES];
     char what[160];
     float ratio, mode;
-    size_t count;
+    size_t count, tries = 0u;
 
     (void)send_frame(frame, esea_moteus_ask_version(frame));
     while (!isfinite(drive.registers)) {
         count = await_frame(frame);
-        if (count == 0u)
+        if (count == 0u || ++tries > TRIES)
             return refuse("No moteus with id 1 answers.", "Check its power, the cable, the adapter, and its id in tview.");
         (void)esea_moteus_take(&drive, frame, count);
     }
@@ -303,21 +321,29 @@ static bool check_settings(void)
     turn = 1.0f / ratio;
     most_Nm = ESEA_MOTOR_MOST_NM * turn;
     query(false, 0.0f);
-    while (drive.replies == 0u && (count = await_frame(frame)) > 0u)
+    while (drive.replies == 0u && ++tries < 2u * TRIES && (count = await_frame(frame)) > 0u)
         (void)esea_moteus_take(&drive, frame, count);
     if (!slot_valid(0u) || !slot_valid(1u))
         return refuse("The drive's encoder 0 (rotor) or 1 (load side) is not valid.",
                 "Configure motor_position.sources in tview; turn the joint by hand and watch both.");
-    own_motor_side = slot_valid(2u);
+    if (own_motor_side && !slot_valid(2u))
+        return refuse("The drive's encoder 2 (motor side of the coupling) is not valid.",
+                "Configure motor_position.sources.2, or give --rotor-side: play of the gear then counts as deflection.");
+    last_counter = drive.counter;
+    seen = drive.replies;
     fprintf(stderr, "drive: moteus, %.1f V; motor side of the coupling from %s\n", (double)drive.voltage_V,
-            own_motor_side ? "encoder 2" : "the rotor: play of the gear counts as deflection");
+            own_motor_side ? "encoder 2" : "the rotor");
     return true;
 }
 
-bool drive_open(esea_port_t *port, const char *address)
+bool drive_open(esea_port_t *port, const char *address, bool rotor_side)
 {
     bool opened = false;
 
+    if (rotor_side && port->store != NULL)
+        return refuse("--keep and --rotor-side: the drive forgets whole turns of the rotor when its power goes, so no zero may be kept.",
+                "Leave out --keep, or fit an encoder on the motor side of the coupling.");
+    own_motor_side = !rotor_side;
     errno = EINVAL;
     esea_moteus_start(&drive);
     if (strncmp(address, "can:", 4) == 0)
@@ -337,9 +363,10 @@ bool drive_open(esea_port_t *port, const char *address)
 }
 
 #else
-bool drive_open(esea_port_t *port, const char *address)
+bool drive_open(esea_port_t *port, const char *address, bool rotor_side)
 {
     (void)port;
+    (void)rotor_side;
     fprintf(stderr, "no drive at %s: this device has %u motors, and the driver is for one\n", address, ESEA_LINK_AXES);
     return false;
 }

@@ -377,6 +377,9 @@ def sim_moteus(
     ] = "nobody",
     plant: Annotated[str, option("--plant", "ideal, real or random.")] = "real",
     seed: Annotated[int, typer.Option("--seed")] = 0,
+    rotor_side: Annotated[
+        bool, option("--rotor-side", "No encoder on the coupling's motor side.")
+    ] = False,
 ) -> None:
     """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
     from_extra("moteus", "moteus", "The emulated drive")
@@ -384,7 +387,7 @@ def sim_moteus(
     from esea_host.simulated.server import Terminal
 
     line = Terminal()
-    joint = MoteusJoint(device, plant, person, seed)
+    joint = MoteusJoint(device, plant, person, seed, rotor_side)
     _tell(f"simulated moteus of {device} at serial:{line.name}")
     try:
         serve_drive(joint, line, lambda: False)

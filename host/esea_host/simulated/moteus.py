@@ -25,7 +25,12 @@ class MoteusJoint:
     """Drive, motor, gear, coupling and person of a device with one axis."""
 
     def __init__(
-        self, device: str, plant: str = PLANT, person: str = EMPTY_JOINT, seed: int = 0
+        self,
+        device: str,
+        plant: str = PLANT,
+        person: str = EMPTY_JOINT,
+        seed: int = 0,
+        rotor_side: bool = False,
     ) -> None:
         loaded = load_device(device)
         actuator = loaded.file.actuator
@@ -36,7 +41,7 @@ class MoteusJoint:
         self._gear_bits = 1 << int(actuator.encoder_bits.value)
         self.drive = MoteusDrive({"motor_position.rotor_to_output_ratio": f"{1 / self.gear:.9f}"})
         variant = plant_variant(loaded, known("plant", plant, PLANT_NAMES), "ideal", seed)
-        self.plant = SteppedPlant(variant)
+        self.plant, self.rotor_side = SteppedPlant(variant), rotor_side
         who = PEOPLE.get(known("person", person, PEOPLE_NAMES), EMPTY)
         self._rotor = self._last = 0  # counts of the rotor, over all its turns
         counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
@@ -44,12 +49,13 @@ class MoteusJoint:
         self._show(counts)
 
     def _show(self, counts: tuple[int, int, int]) -> None:
-        _, load, gear = counts
+        motor, load, gear = counts
         half = self._gear_bits // 2
         self._rotor += (gear - self._last + half) % self._gear_bits - half
         self._last = gear
         turned = self._rotor / self._gear_bits
-        self.drive.show(turned / self.gear, (gear / self._gear_bits, load / self._bits, None))
+        side = None if self.rotor_side else motor / self._bits
+        self.drive.show(turned / self.gear, (gear / self._gear_bits, load / self._bits, side))
 
     def tick(self) -> None:
         """A millisecond of drive and plant."""
