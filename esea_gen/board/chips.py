@@ -159,8 +159,6 @@ class Workbench:
 def declarations(*headers: Path) -> str:
     """What C headers declare, as cffi reads it: no comments, no preprocessor, no bodies."""
     text = "".join(h.read_text(encoding="utf-8") for h in headers)
-    for name, number in re.findall(r"^#define (\w+) (\d+)u?\b", text, re.MULTILINE):
-        text = re.sub(rf"\b{name}\b", number, text)
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"^static inline .*?^\}\n", "", text, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"^#.*\n", "", text, flags=re.MULTILINE)
@@ -174,7 +172,10 @@ class Drivers:
         folder = sources or firmware_folder() / "drivers"
         self.ffi = cffi.FFI()
         headers = sorted(folder.glob("*.h"), key=lambda h: (h.name != "hardware.h", h.name))
-        self.ffi.cdef(declarations(*headers))
+        text = declarations(*headers)
+        for name, number in (("ESEA_BISS_BYTES_MOST", "16"), ("ESEA_MOTEUS_SLOTS", "3")):
+            text = text.replace(name, number)
+        self.ffi.cdef(text)
         with tempfile.TemporaryDirectory(prefix="esea-drivers-") as scratch:
             built = Path(scratch) / "drivers.so"
             flags = [*APP_FLAGS, "-Wpedantic", "-Wshadow", "-fPIC", "-shared"]

@@ -112,9 +112,9 @@ def test_late_runs_now_and_then(run, every, latches):
     run.until(200)
     for tick in range(200, 200 + 22 * every):
         start = tick // 5 * 5
-        run.tick(tick, data=200 + (tick - 200) % 5, late=(start - 200) % every < 5)
+        run.tick(tick, late=(start - 200) % every < 5)
     found = np.flatnonzero(np.array(run.fault[200:]) == Fault.LATE)
-    # The same counts again and again: the joint stands still, nothing else may latch.
+    # The recorded motion goes on: nothing else may latch.
     assert set(run.fault[200:]) <= ({0, int(Fault.LATE)} if latches else {0})
     assert found[:1].tolist() == ([19 * every + 1] if latches else [])
 
