@@ -16,6 +16,7 @@ from moteus import multiplex
 from moteus.protocol import Mode, Register, Writer, scale_register
 
 REGISTER_MAP = 5
+EMULATED = 24154  # its model, none of the maker's: the board then says that it is simulated
 LIMITED = 102  # fault code: the largest torque of the command acts
 _KINDS: dict[int, Callable[[Writer, float, int], None]] = {
     Register.POSITION: Writer.write_position,
@@ -154,6 +155,8 @@ class MoteusDrive:
             Register.FAULT: self.fault,
             Register.ENCODER_VALIDITY: self._valid,
             Register.MILLISECOND_COUNTER: round(self._now_s * 1e3) & 0x7FFFFFFF,
+            Register.MODEL_NUMBER: EMULATED,
+            Register.FIRMWARE_VERSION: 0,
             Register.REGISTER_MAP_VERSION: REGISTER_MAP,
         }
         return known.get(register)

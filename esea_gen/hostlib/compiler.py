@@ -50,7 +50,7 @@ def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
     if find_spec("ziglang") is None:
         raise UserError(
             "There is no C compiler: neither gcc nor clang, and not zig, which pip installs.",
-            "Install one: pip install 'esea-gen[compiler]', or "
+            'Install one: pip install "esea-gen[compiler]", or '
             f"apt-get install --no-install-recommends {HOST_GCC.package}",
         )
     return zig(this_platform().zig)

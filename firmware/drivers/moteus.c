@@ -28,6 +28,7 @@
 #define SLOT_0 0x050u
 #define VALIDITY 0x058u
 #define COUNTER 0x070u
+#define MODEL 0x100u
 #define REGISTER_MAP 0x102u
 #define FIRST_LIMIT 96.0f /* codes of what limits the torque; below are faults */
 #define LAST_LIMIT 103.0f
@@ -71,7 +72,7 @@ void esea_moteus_start(esea_moteus_t *drive)
 
     memset(drive, 0, sizeof *drive);
     drive->mode = drive->output_rev = drive->output_rev_s = drive->torque_Nm = drive->valid = none;
-    drive->voltage_V = drive->motor_C = drive->board_C = drive->fault = drive->counter = drive->registers = none;
+    drive->voltage_V = drive->motor_C = drive->board_C = drive->fault = drive->counter = drive->model = drive->registers = none;
     for (k = 0u; k < ESEA_MOTEUS_SLOTS; ++k)
         drive->slot_rev[k] = none;
 }
@@ -118,10 +119,9 @@ size_t esea_moteus_command(uint8_t *frame, bool on, float torque_Nm, float most_
 
 size_t esea_moteus_ask_version(uint8_t *frame)
 {
-    uint8_t *at = put(frame, READ | INT32, 1u, REGISTER_MAP & 0x7Fu);
+    uint8_t *at = put(frame, READ | INT32, 3u, (MODEL & 0x7Fu) | 0x80u); /* a number of more than seven bits */
 
-    at[-1] = (uint8_t)(REGISTER_MAP & 0x7Fu) | 0x80u; /* a number of more than seven bits */
-    *at++ = (uint8_t)(REGISTER_MAP >> 7u);
+    *at++ = (uint8_t)(MODEL >> 7u);
     return padded(frame, at);
 }
 
@@ -204,6 +204,8 @@ static float *place(esea_moteus_t *drive, uint32_t which, float scale[3])
         to = &drive->valid;
     else if (which == COUNTER)
         to = &drive->counter;
+    else if (which == MODEL)
+        to = &drive->model;
     else if (which == REGISTER_MAP)
         to = &drive->registers;
     memcpy(scale, unit, sizeof ONE);

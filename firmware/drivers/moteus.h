@@ -14,6 +14,7 @@
 #define ESEA_MOTEUS_LINE_BYTES 160u
 #define ESEA_MOTEUS_REGISTERS 5 /* version of the register map that this file knows */
 #define ESEA_MOTEUS_SLOTS 3u    /* encoders */
+#define ESEA_MOTEUS_EMULATED 24154 /* model: none of the maker's */
 
 typedef enum {
     ESEA_MOTEUS_STOPPED = 0,
@@ -25,7 +26,7 @@ typedef enum {
 /* What the drive has told; NaN for what it has not. */
 typedef struct {
     float mode, output_rev, output_rev_s, torque_Nm, slot_rev[ESEA_MOTEUS_SLOTS], valid, voltage_V, motor_C, board_C, fault,
-            counter, registers;
+            counter, model, registers;
     uint32_t replies; /* that held at least the mode */
     uint32_t refused; /* registers that the drive does not know, or would not take */
 } esea_moteus_t;
@@ -36,7 +37,7 @@ void esea_moteus_start(esea_moteus_t *drive);
  * esea_moteus_t holds; returns its bytes.  A torque or a time that is no number, and a time without end, stop. */
 size_t esea_moteus_command(uint8_t *frame, bool on, float torque_Nm, float most_Nm, float watchdog_s);
 
-/* The frame that asks for the version of the register map. */
+/* The frame that asks for model and version of the register map. */
 size_t esea_moteus_ask_version(uint8_t *frame);
 
 /* Takes a reply; false for one that is cut off or of another form, of which nothing is kept. */

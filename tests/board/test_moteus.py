@@ -229,6 +229,7 @@ def driven(person="none", wish_Nm=0.5):
 def test_from_zero_to_torque_and_a_stop(wish_Nm):
     with driven(wish_Nm=wish_Nm) as it:
         assert it.joint.plant.truth()["tau_e_Nm"] == pytest.approx(wish_Nm, abs=0.15)
+        assert it.board.info().board.rstrip("\0") == "linux-sim"  # so that it is marked simulated
         gave = it.joint.drive.torque_Nm
         assert gave * wish_Nm > 0
         it.board.stop()

@@ -356,6 +356,8 @@ bool drive_open(esea_port_t *port, const char *address, bool rotor_side)
     }
     if (!check_settings())
         return false;
+    if (drive.model == (float)ESEA_MOTEUS_EMULATED)
+        port->name = "linux-sim"; /* what comes of it is simulated */
     port->sample = port_sample;
     port->motor = port_motor;
     port->trouble = port_trouble;

@@ -28,6 +28,7 @@ from esea_host.recording.replay import loaded_device
 
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
 SIMULATED_BOARDS = ("sim", "sim-q31")
+EMULATED_BOARDS = ("linux-sim",)  # the firmware's own process, with an emulated drive
 PROBE_S = 3.0
 GET_MESSAGE_INTERVAL = 510  # MAVLink's number; not in our dialect
 PACKAGES = ("esea-gen", "numpy", "casadi", "pymavlink", "mcap")
@@ -45,7 +46,7 @@ class Identity:
 
     @property
     def simulated(self) -> bool:
-        return self.board in SIMULATED_BOARDS
+        return self.board in (*SIMULATED_BOARDS, *EMULATED_BOARDS)
 
     def facts(self) -> dict[str, Any]:
         """For the record: what ran, on what, seen from where."""

@@ -7,10 +7,12 @@ from pathlib import Path
 
 from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.file import DeviceData
+from esea_gen.emit.dialect import load_dialect
 from esea_gen.link.kept import CouplingLife, coupling_lives
 from esea_host.connection.address import SimulatedProcess, open_transport, parse_address
 from esea_host.connection.device import ConnectedDevice
-from esea_host.connection.identity import identify, passive
+from esea_host.connection.identity import ANYBODY, identify, passive
+from esea_host.recording.replay import loaded_device
 
 
 def open_device(
@@ -20,6 +22,8 @@ def open_device(
     place = parse_address(address)
     if place.kind == "sim" and device is None:
         device = place.place.partition("?")[0]
+    if place.kind != "file":  # first: a board gives up a host that says nothing for a second
+        load_dialect(loaded_device(device or ANYBODY))
     transport = open_transport(place)
     try:
         identity = passive(device) if place.kind == "file" else identify(transport, device, key)

@@ -141,14 +141,16 @@ def browser_view(feed: LiveFeed, listen: str, port: int = PORT) -> Iterator[str]
     view = BrowserView(feed)
     try:
         sockets = bind_sockets(port, listen)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
         fix = "Name another port (0: any), and an address of this computer."
-        raise UserError(f"{listen}, port {port}: {error.strerror}.", fix) from None
+        why = getattr(error, "strerror", None) or "no address of a computer"
+        raise UserError(f"{listen}, port {port}: {why}.", fix) from None
     address, port = sockets[0].getsockname()[:2]
     if address in ("0.0.0.0", "::"):
         raise UserError(f"'{listen}' is every network of this computer.", "Name an address.")
     host = f"[{listen}]" if ":" in listen else listen.lower()
     view.names |= {host, "localhost"} if address in ("127.0.0.1", "::1") else {host}
+    view.names.add(address.lower())
     loop, ended = asyncio.new_event_loop(), asyncio.Event()
 
     async def serve() -> None:

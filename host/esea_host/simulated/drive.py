@@ -101,11 +101,7 @@ class SimulatedBoard:
     def _named(self, person: str) -> Person | CoupledHand:
         if len(self.axes) > 1:
             return named_hand(known("person", person, HAND_NAMES), self._seed)
-        known("person", person, PEOPLE_NAMES)
-        if person in (EMPTY_JOINT, CLAMPED):
-            return EMPTY
-        named = random_person(self._seed) if person == "random" else PEOPLE[person]
-        return limb_of(self.device, named)
+        return named_person(self.device, person, self._seed)
 
     def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
         device = _with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
@@ -237,6 +233,14 @@ class SimulatedBoard:
 
     def close(self) -> None:
         self.board.close()
+
+
+def named_person(device: DeviceData, person: str, seed: int) -> Person:
+    """Somebody in the joint of one axis, or nobody."""
+    known("person", person, PEOPLE_NAMES)
+    if person in (EMPTY_JOINT, CLAMPED):
+        return EMPTY
+    return limb_of(device, random_person(seed) if person == "random" else PEOPLE[person])
 
 
 def known(what: str, name: str, names: tuple[str, ...]) -> str:

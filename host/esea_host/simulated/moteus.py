@@ -12,10 +12,9 @@ from collections.abc import Callable
 from esea_gen.board.moteus import MoteusDrive
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
-from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.run import PLANT_NAMES, plant_variant
-from esea_gen.twin.stepped import EMPTY, SteppedPlant
-from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PEOPLE_NAMES, PLANT, known
+from esea_gen.twin.stepped import SteppedPlant
+from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_person
 from esea_host.simulated.server import IDLE_S, Terminal
 
 TICK_S, SILENCE_S = 1e-3, 0.01
@@ -42,7 +41,7 @@ class MoteusJoint:
         self.drive = MoteusDrive({"motor_position.rotor_to_output_ratio": f"{1 / self.gear:.9f}"})
         variant = plant_variant(loaded, known("plant", plant, PLANT_NAMES), "ideal", seed)
         self.plant, self.rotor_side = SteppedPlant(variant), rotor_side
-        who = PEOPLE.get(known("person", person, PEOPLE_NAMES), EMPTY)
+        who = named_person(loaded, person, seed)
         self._rotor = self._last = 0  # counts of the rotor, over all its turns
         counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
         self._last = counts[2]

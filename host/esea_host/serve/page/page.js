@@ -1,12 +1,13 @@
 "use strict";
-const LOST_MS = 1000, RETRY_MS = 2000, SPAN_S = 10, MOST_POINTS = 1000;
+const LOST_MS = 1000, RETRY_MS = 2000, DEAD_MS = 10000, SPAN_S = 10, MOST_POINTS = 1000;
 const LEAST_SPAN = { Nm: 0.1, deg: 0.5 };  // noise at rest does not fill an axis
 const COLOURS = { wanted: "wanted", set: "good" };  // of labels
 const page = Object.fromEntries([...document.querySelectorAll("[id]")].map(e => [e.id, e]));
-let socket, head, news, tried = 0, pressed = 0, why = "", x = [], y = [], charts = [];
+let socket, head, news, tried = 0, pressed = 0, unsent = false, why = "", x = [], y = [], charts = [];
 let came = [0, 0];  // by the clock that may be set, and by the one that may sleep
 
 const age = () => Math.max(Date.now() - came[0], performance.now() - came[1]);
+const open = () => socket.readyState === WebSocket.OPEN;
 const live = () => socket.readyState === WebSocket.OPEN && age() < LOST_MS;
 const colour = name => getComputedStyle(document.body).getPropertyValue(`--${name}`);
 const put = (node, words) => { if (node.textContent !== words) node.textContent = words; };
@@ -17,10 +18,11 @@ const add = (kind, parent, words = "") => {
 };
 
 function connect() {
-  if (socket) socket.onclose = socket.onmessage = null;  // a dead line closes late
+  if (socket) socket.onclose = socket.onmessage = socket.onopen = null;  // a dead line closes late
   socket?.close();
   const scheme = location.protocol.replace("http", "ws"), key = location.hash.slice(1);
   socket = new WebSocket(`${scheme}//${location.host}/live?key=${encodeURIComponent(key)}`);
+  socket.onopen = () => { if (unsent) socket.send("stop"); unsent = false; show(); };
   socket.onmessage = event => {
     take(JSON.parse(event.data));
     socket.send("drawn");  // one picture at a time is on its way, so none is shown too late
@@ -44,7 +46,8 @@ function take(given) {
 
 function stop() {
   if (!head?.drives) return;
-  if (socket.readyState === WebSocket.OPEN) socket.send("stop");
+  if (open()) socket.send("stop");
+  else unsent = true;
   pressed ||= performance.now();
   show();
 }
@@ -122,13 +125,14 @@ function show() {
   put(page.who, head?.who ?? "");
   const stopped = news?.state === "STOPPED" ? "board has stopped" : "(Space)";
   const usable = `STOP\n${pressed ? "not confirmed yet" : stopped}`;
-  put(page.stop, !drives ? "No motor:\nno stop needed" : here ? usable : "STOP\nnot available");
-  page.stop.disabled = !here || !drives;
+  put(page.stop, !drives ? "No motor:\nno stop needed" : open() ? usable : "STOP\nnot available");
+  page.stop.disabled = !open() || !drives;  // late pictures are no reason to refuse a stop
 }
 
 matchMedia("(prefers-color-scheme: dark)").onchange = () => head && (build(), draw());
 setInterval(() => {
   show();
-  if (!live() && performance.now() - tried > RETRY_MS) connect();
+  const waited = Math.min(age(), performance.now() - tried);
+  if (!live() && waited > (socket.readyState === WebSocket.CLOSED ? RETRY_MS : DEAD_MS)) connect();
 }, 200);
 connect();
