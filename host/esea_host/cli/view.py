@@ -35,12 +35,8 @@ from esea_host.connection.address import parse_address
 
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
-    from esea_host.windows.feed import LiveFeed
 
 OPEN_S, FILMED_S = 60.0, 5.0
-ServeOption = Annotated[
-    str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
-]
 
 
 @contextmanager
@@ -58,14 +54,6 @@ def _recorded(
             raise of_file(recording.error, record)
 
 
-def _serve_too(feed: LiveFeed, listen: str | None, held: ExitStack) -> None:
-    if listen is not None:
-        from_extra("tornado", "serve", "The browser view")
-        from esea_host.serve import browser_view
-
-        out.print(held.enter_context(browser_view(feed, listen)))
-
-
 @app.command()
 def view(
     address: AddressArgument,
@@ -75,7 +63,9 @@ def view(
     dark: DarkOption = None,
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
-    serve: ServeOption = None,
+    serve: Annotated[
+        str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
+    ] = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
@@ -86,7 +76,11 @@ def view(
     with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
-        _serve_too(feed, serve, held)
+        if serve is not None:
+            from_extra("tornado", "serve", "The browser view")
+            from esea_host.serve import browser_view
+
+            out.print(held.enter_context(browser_view(feed, serve)))
         run_live(feed, dark, seconds, screenshot)
 
 
@@ -126,13 +120,12 @@ def demo(
         str | None, option("--person", "Who is in the joint; default: uncertain.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed")] = 0,
-    serve: ServeOption = None,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     device = driven_by(controller, device)
     if not headless:
         who = f"&person={person}" if person else ""
-        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds, serve)
+        _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
     from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
     from esea_host.simulated.demo import run_demo
@@ -152,9 +145,7 @@ def demo(
         raise typer.Exit(1)
 
 
-def _watch_demo(
-    address: str, record: Path | None, seconds: float | None, serve: str | None
-) -> None:
+def _watch_demo(address: str, record: Path | None, seconds: float | None) -> None:
     parse_address(address)
     need_a_screen("esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
@@ -165,7 +156,6 @@ def _watch_demo(
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
         held.callback(DemoOperator(board).close)
-        _serve_too(feed, serve, held)
         run_live(feed, None, seconds, None, partial(hands_at(board), "push"))
 
 
