@@ -95,9 +95,10 @@ class _Interpolation:
         longest = ca.fmax(ca.fmax(intervals[0], intervals[1]), intervals[2])
         left = ca.if_else(changed, longest, s.left)
         entered = ca.logic_not(u.mode == s.mode_last)
-        left = label("left", ca.if_else(entered, 1.0, left), "[wish 1] periods of the ramp")
+        left = ca.fmax(ca.if_else(entered, 0.0, left), 1.0)  # so that no divisor's range holds 0
+        left = label("left", left, "[wish 1] periods of the ramp")
         ends = label("ends", left < 1.5, "in this step")
-        share = label("share", 1 / ca.fmax(left, 1))
+        share = label("share", 1 / left)
         y = [
             ca.if_else(ends, new, old + share * (new - old))
             for new, old in zip(x, now, strict=True)

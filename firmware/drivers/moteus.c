@@ -119,7 +119,7 @@ size_t esea_moteus_command(uint8_t *frame, bool on, float torque_Nm, float most_
 
 size_t esea_moteus_ask_version(uint8_t *frame)
 {
-    uint8_t *at = put(frame, READ | INT32, 3u, (MODEL & 0x7Fu) | 0x80u); /* a number of more than seven bits */
+    uint8_t *at = put(frame, READ | INT32, 3u, 0x80u); /* MODEL, whose low seven bits are 0 */
 
     *at++ = (uint8_t)(MODEL >> 7u);
     return padded(frame, at);
@@ -216,7 +216,7 @@ static void take_subframe(reading_t *from, esea_moteus_t *drive, bool *told_mode
 {
     const uint32_t head = take_byte(from), kind = head & 0x0Cu;
     uint32_t count = head & 0x03u, which;
-    float scale[3], value, *to;
+    float scale[3];
 
     if (head == NOP)
         return;
@@ -230,8 +230,9 @@ static void take_subframe(reading_t *from, esea_moteus_t *drive, bool *told_mode
     if (count == 0u)
         count = take_number(from);
     for (which = take_number(from); from->sound && count > 0u; --count, ++which) {
-        to = place(drive, which, scale);
-        value = take_value(from, kind, scale[0], scale[1], scale[2]);
+        float *const to = place(drive, which, scale);
+        const float value = take_value(from, kind, scale[0], scale[1], scale[2]);
+
         if (from->sound && to != NULL)
             *to = value;
         *told_mode = *told_mode || which == MODE;

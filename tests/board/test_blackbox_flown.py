@@ -239,7 +239,7 @@ def test_a_state_with_torque_and_a_clock_that_rests_is_not_fed(active):
 def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
     """Nearly two seconds of the drive fit; of predictive control, which keeps more, less does."""
     require_tool("arm-none-eabi-gcc")
-    for device, held in ((drive, 1980), (load_device("elbow_mpc"), 1836)):
+    for device, held in ((drive, 1980), (load_device("elbow_mpc"), 1911)):
         image = build_firmware(device, "netduinoplus2", tmp_path)
         assert image.noinit_bytes == 36 + held * record_bytes(device)
 

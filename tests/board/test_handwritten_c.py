@@ -133,7 +133,8 @@ def link_fuzzer(tmp_path_factory):
         f"-DLIMIT_NM={limit}f",
     )
     made = LinkFuzzer(folder, flags, {})
-    for source in (*FIRMWARE.glob("app/*.c"), ROOT / "tests" / "fuzz" / "drive.c"):
+    own = FIRMWARE / "boards" / "sim" / "drivers.c", ROOT / "tests" / "fuzz" / "drive.c"
+    for source in (*FIRMWARE.glob("app/*.c"), *own):
         made.objects[source.name] = made.compiled(source, *SANITIZERS)
     for source in f32.glob("*.c"):
         if source.name != "main.c":  # generated: held by tests of its own

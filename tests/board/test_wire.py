@@ -54,7 +54,7 @@ def test_every_value_of_every_task_streams_as_its_own_message_has_it(board):
     """All inputs and outputs of both tasks, bit for bit those of the whole-run messages."""
     zeroed(board)
     sense, control = board.stream(["sense.*", "control.*"])
-    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 44 + 0 + 12
+    assert len(sense.signals) + len(control.signals) == len(board.signals()) == 12 + 45 + 0 + 12
     for task in ("SENSE", "CONTROL"):
         for side in ("IN", "OUT"):
             board.tell(f"ESEA_{task}_{side}", 1000)
@@ -193,7 +193,7 @@ def bytes_in_a_second(board):
 
 @pytest.mark.parametrize(
     ("what", "names"),
-    [("sense: everything (56)", ["sense.*"]), ("control: one value (1)", ["u_command_Nm"])],
+    [("sense: everything (57)", ["sense.*"]), ("control: one value (1)", ["u_command_Nm"])],
 )
 def test_streams_cost_what_build_says(board, drive, what, names):
     """Counted on the line; what ends in zeros costs less, by less than those values."""

@@ -400,7 +400,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
                     most, tried = max(most, float(np.max(np.abs(u)))), tried + 1
                     latched[-1] += name == "limits" and bool(np.any(fault[:3]))
             memory[:] = state
-    assert tried == 2 * 2400
+    assert tried == 2 * 2272
     assert most <= SHIPPED.u
     assert tuple(latched) == DRIVE_LATCHED[real]
     assert [line for line in said if "runtime error" in line] == []

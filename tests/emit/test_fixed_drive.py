@@ -47,7 +47,7 @@ HDRB = ROOT / "tests" / "data" / "hdrb" / "hdrb.toml"
 # the set-point's error is one step's by nature.
 FORGETFUL = {
     *("limits", "sliding_mode", "inverse", "reference", "set_trend", "encoder_gear"),
-    *("passivity", "adaptation", "encoder_monitor", "monitor"),
+    *("passivity", "adaptation", "encoder_monitor", "encoder_monitor_gear", "interpolation"),
 }
 
 

@@ -77,7 +77,7 @@ def test_a_paired_board_takes_a_stop_from_anybody_and_nothing_else_unsigned(pair
         board.stream(["tau_Nm"])
     assert board.state_now == "READY"
     # What changes nothing is answered.
-    assert len(board.parameters()) == 44
+    assert len(board.parameters()) == 40
     board.time_sync(1)
     board.stop()
     assert board.state_now == "STOPPED"

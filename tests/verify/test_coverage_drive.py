@@ -36,6 +36,7 @@ BLOCKS = [
         "gear_observer",
         "redundancy",
         "encoder_monitor",
+        "encoder_monitor_gear",
         "monitor",
         "passivity",
         "adaptation",

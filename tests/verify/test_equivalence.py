@@ -139,7 +139,7 @@ def test_nan_and_infinity_into_every_input_and_state(name, real):
             cases.append((Stream("input", hit), block.status_port.flags[0].name))
         for p in block.state:
             for element in range(p.size):
-                state = np.full(p.size, p.init)
+                state = np.full(p.size, float(p.init))
                 state[element] = value
                 cases.append((Stream("state", quiet, {3: {p.name: state}}), "STATE_REPAIRED"))
         names = [f.name for f in block.status_port.flags]

@@ -113,7 +113,7 @@ FAULTS = {
         "the command swung from one limit of the motor to the other, again and again, and the "
         "torque was not the set one",
         "look for a loose encoder or cable, an encoder's noise; then smaller gains",
-        "0.6 s of full swings at 20 Hz, or 1 s at 13 Hz",
+        "1 s of full swings at 20 Hz, or 3 s at 13 Hz",
     ),
     Fault.ROUGH: (
         "an encoder's angle was rougher than a sound encoder's noise",

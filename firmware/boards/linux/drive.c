@@ -141,10 +141,12 @@ static void query(bool enable, float torque_Nm)
 /* A count of `bits` in a turn, and behind it what is wrong with it. */
 static void put_count(float *to, float rev, uint32_t bits, bool sound)
 {
-    const float full = (float)(1u << bits), count = floorf((rev - floorf(rev)) * full);
+    const float full = (float)(1u << bits);
+    const bool known = fabsf(rev) < 1e6f;
+    const float part = known ? rev - (float)(int32_t)rev : 0.0f; /* of a turn, of its sign */
 
-    to[0] = isfinite(count) ? (count < full ? count : 0.0f) : 0.0f;
-    to[1] = !sound ? 64.0f : isfinite(count) ? 0.0f : 32.0f; /* as drivers/hardware.h has them */
+    to[0] = (float)((uint32_t)(int32_t)(part * full + full) % (1u << bits));
+    to[1] = !sound ? 64.0f : known ? 0.0f : 32.0f; /* as drivers/hardware.h has them */
 }
 
 static bool slot_valid(uint32_t slot)
