@@ -72,7 +72,7 @@ def agrees(record, fed) -> None:
 
 
 @pytest.mark.ci
-@pytest.mark.parametrize(("before", "ticks"), [(0, 300), (2500, 30)])
+@pytest.mark.parametrize(("before", "ticks"), [(0, 180), (2500, 30)])
 def test_after_a_fault_and_a_reset_it_holds_what_was_fed(active, before, ticks):
     active.disarm()
     active.ticks(510)
