@@ -120,7 +120,7 @@ def test_the_motors_own_encoder_is_rough_beyond_what_the_drive_can_do(drive, way
         assert np.flatnonzero(shaken == ROUGH)[0] <= 40
 
 
-@pytest.mark.parametrize(("rate_Hz", "seconds"), [(20, 0.6), (13, 1.0)])
+@pytest.mark.parametrize(("rate_Hz", "seconds"), [(20, 1.0), (13, 3.0)])
 def test_a_command_that_swings_is_found_in_the_time_that_is_stated(drive, rate_Hz, seconds):
     t = 1e-3 * np.arange(4000)
     u = 0.221 * np.sign(np.sin(2 * np.pi * rate_Hz * t))
