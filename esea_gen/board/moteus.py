@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -115,9 +116,11 @@ class MoteusDrive:
         words = text.split()
         if words[:2] != ["can", "send"] or len(words) < 4:
             return "ERR unknown command\r\n"
-        answer = self.frame(bytes.fromhex(words[3]))
-        wants = int(words[2], 16) & 0x8000 and answer
-        return "OK\r\n" + (f"rcv 100 {answer.hex()}\r\n" if wants else "")
+        try:
+            wants, answer = int(words[2], 16) & 0x8000, self.frame(bytes.fromhex(words[3]))
+        except (ValueError, RuntimeError, struct.error):  # of digits; of a frame that is cut
+            return "ERR bad frame\r\n"
+        return "OK\r\n" + (f"rcv 100 {answer.hex()}\r\n" if wants and answer else "")
 
     def _write(self, part: Any) -> bool:
         value = float(scale_register(part.register, part.resolution, part.value))

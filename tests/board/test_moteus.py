@@ -19,6 +19,7 @@ from moteus import multiplex
 from moteus.protocol import Register, Writer, scale_register
 
 import esea_gen
+from esea_gen.board.moteus import MoteusDrive
 from esea_gen.board.sim import SimBoard
 from esea_gen.emit.states import BOARD_FAULTS
 from esea_gen.targets import firmware_folder
@@ -132,6 +133,12 @@ def test_lines_go_to_the_adapter_and_come_back(c, data, number):
         text = f"rcv {number:x} {data.hex().upper()}{end}".encode()
         assert lib.esea_moteus_heard(text, came, frame) == len(data)
         assert (came[0], bytes(ffi.buffer(frame, len(data)))) == (number, data)
+
+
+@given(st.text(alphabet="0123456789abcdefx can sed", max_size=40) | st.binary(max_size=20))
+def test_the_emulated_drive_answers_any_line(given_):
+    words = given_ if isinstance(given_, str) else f"can send 8001 {given_.hex()}"
+    assert MoteusDrive().line(words).startswith(("OK", "ERR"))
 
 
 # -- on the application, in lockstep with the emulated drive ---------------------------------------

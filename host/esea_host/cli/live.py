@@ -22,6 +22,7 @@ from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_whole, write_json
 from esea_gen.link.received import shown_lines
+from esea_gen.portability import TERMINALS
 from esea_host.cli.app import app, out, told
 from esea_host.cli.options import (
     AddressArgument,
@@ -386,6 +387,8 @@ def sim_moteus(
     from esea_host.simulated.moteus import MoteusJoint, serve_drive
     from esea_host.simulated.server import Terminal
 
+    if not TERMINALS:
+        raise UserError("This system has no pseudo terminals.", "Run it on Linux, or in WSL.")
     line = Terminal()
     joint = MoteusJoint(device, plant, person, seed, rotor_side)
     _tell(f"simulated moteus of {device} at serial:{line.name}")

@@ -209,7 +209,7 @@ class Hands:
 
     def reach(self, drive: SimulatedBoard) -> None:
         while not self._lines.empty():
-            word, *texts = self._lines.get().decode("ascii", "replace").split()
+            word, *texts = self._lines.get().decode("ascii", "replace").split() or [""]
             try:
                 numbers = [float(n) for n in texts]
             except ValueError:
