@@ -119,6 +119,7 @@ name = "own"
 title = "own"
 laws = ["laws/mine.py:LAW"]
 """
+BESIDE = f"{EXAMPLE}\n# beside its device file\n"
 
 
 @pytest.fixture
@@ -126,7 +127,8 @@ def own(tmp_path, monkeypatch) -> Path:
     """A device file with a law of its own, which is trusted."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     (tmp_path / "laws").mkdir()
-    (tmp_path / "laws" / "mine.py").write_text(EXAMPLE)
+    # Its own text: what some test before it named on a command line stays trusted in the process.
+    (tmp_path / "laws" / "mine.py").write_text(BESIDE)
     (tmp_path / "own.toml").write_text(OWN)
     trust([read_code(tmp_path / "laws" / "mine.py").sha256])
     return tmp_path / "own.toml"
@@ -136,10 +138,10 @@ def test_a_device_file_names_its_law_beside_it(own, monkeypatch):
     monkeypatch.chdir("/")
     device = load_device(own)
     assert [law.title for law in device.laws] == ["Proportional torque control"]
-    assert device.own_laws() == {"laws/mine.py": EXAMPLE.encode()}
+    assert device.own_laws() == {"laws/mine.py": BESIDE.encode()}
     assert "proportional" in device.system.blocks
     assert load_device(own).system is device.system  # shared, as of any device
-    (own.parent / "laws" / "mine.py").write_text(f"{EXAMPLE}\n# edited\n")
+    (own.parent / "laws" / "mine.py").write_text(f"{BESIDE}\n# edited\n")
     with pytest.raises(UserError, match="has not been trusted"):
         _ = load_device(own).laws
 
