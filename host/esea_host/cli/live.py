@@ -381,10 +381,15 @@ def sim_moteus(
     rotor_side: Annotated[
         bool, option("--rotor-side", "No encoder on the coupling's motor side.")
     ] = False,
+    program: Annotated[
+        Path | None,
+        option("--program FILE", "Run this firmware on it; at the end it prints its lost ticks."),
+    ] = None,
+    seconds: SecondsOption = None,
 ) -> None:
     """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
     from_extra("moteus", "moteus", "The emulated drive")
-    from esea_host.simulated.moteus import MoteusJoint, serve_drive
+    from esea_host.simulated.moteus import MoteusJoint, run_board, serve_drive
     from esea_host.simulated.server import Terminal
 
     if not TERMINALS:
@@ -392,8 +397,12 @@ def sim_moteus(
     line = Terminal()
     joint = MoteusJoint(device, plant, person, seed, rotor_side)
     _tell(f"simulated moteus of {device} at serial:{line.name}")
+    last_s = math.inf if seconds is None else time.monotonic() + seconds
     try:
-        serve_drive(joint, line, lambda: False)
+        with run_board(program, line.name, rotor_side) as ended:
+            serve_drive(joint, line, lambda: ended() or time.monotonic() > last_s)
+            if ended():  # it has said why
+                raise typer.Exit(1)
     except KeyboardInterrupt:
         return
     finally:
