@@ -28,13 +28,14 @@ from esea_host.cli.options import (
     AddressArgument,
     DeviceOption,
     KeyOption,
+    PortOption,
     RateOption,
     SecondsOption,
     StreamOption,
-    driven_by,
     output_file,
 )
 from esea_host.connection import ConnectedDevice, Subscription, open_device
+from esea_host.connection.address import driven_by
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
 
@@ -55,7 +56,7 @@ def _until(seconds: float | None, step_s: float) -> Iterator[None]:
 
 def _said(device: ConnectedDevice) -> str:
     kind = " (simulated)" if device.simulated else ""
-    return f"{device.identity.device.name} on {device.identity.board}{kind}"
+    return f"{device.identity.who}{kind}"
 
 
 @app.command()
@@ -230,7 +231,7 @@ def bridge(
 def serve(
     address: AddressArgument,
     listen: Annotated[str, option("--listen", "IP address of this computer.")] = "127.0.0.1",
-    port: Annotated[int, option("--port", "0: any.", min=0, max=65535)] = 8766,
+    port: PortOption = 8766,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
