@@ -280,9 +280,14 @@ def parameters(
     compare: Annotated[
         Path | None, option("--compare", "Show only what differs from a JSON file.")
     ] = None,
+    keep: Annotated[
+        bool, option("--keep", "The board keeps the values in force without power.")
+    ] = False,
 ) -> None:
     """List, set, save, load or compare a board's parameters; what changes is shown first."""
     wanted = _assigned(assign or [])
+    if compare is not None and (wanted or load or save or keep):
+        raise UserError("--compare changes nothing and writes nothing.", "Give it alone.")
     if load is not None:
         wanted = _read(load) | wanted
     with open_device(address, device, key) as board:
@@ -303,7 +308,10 @@ def parameters(
         if save is not None:
             write_json(save, "host-parameters", {"parameters": values})
             out.print(f"{save}: {len(values)} parameters")
-        if not wanted and save is None:
+        if keep:
+            board.session.save_parameters()
+            out.print("The board keeps these values without power.")
+        if not wanted and save is None and not keep:
             for name, p in known.items():
                 bounds = f"[{p.low:g}, {p.high:g}]"
                 out.print(f"{name} = {values[name]:g} {p.unit}  {bounds}  {p.meaning}")
