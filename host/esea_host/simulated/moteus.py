@@ -21,6 +21,7 @@ from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_
 from esea_host.simulated.server import IDLE_S, Terminal
 
 TICK_S, SILENCE_S = 1e-3, 0.01
+END_S = 10.0  # for a program to end by itself
 
 
 class MoteusJoint:
@@ -110,4 +111,8 @@ def run_board(program: Path | None, line: str, rotor_side: bool) -> Iterator[Cal
         yield lambda: board.poll() is not None
     finally:
         board.terminate()  # it then prints how late it woke up
-        board.wait()
+        try:
+            board.wait(END_S)
+        except subprocess.TimeoutExpired:
+            board.kill()
+            board.wait()
