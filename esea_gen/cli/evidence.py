@@ -297,6 +297,7 @@ def fixed(
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
     from esea_gen.verify.fixed_report import check_fixed, read_recorded
 
+    data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         deflections = read_recorded(loaded, recording, data)

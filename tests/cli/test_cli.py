@@ -78,6 +78,7 @@ def test_verify_writes_json(tmp_path):
         (["emulate", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
         (["identify", "none.toml"], ["none.toml"]),
         (["report", "elbow", "--recording", "none.toml"], ["none.toml"]),
+        (["report", "elbow", "--data", "."], ["--data without --recording"]),
         (["verify", "soft.toml", "--real", "f32"], ["soft.toml", "no finite float32 bound"]),
         (["build", "elbow", "--out", "a-file/x"], ["a-file", "--out"]),
         (

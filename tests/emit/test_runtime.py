@@ -23,6 +23,11 @@ AT = 201  # the command is large here, and no fault
 
 
 @pytest.fixture(scope="module")
+def drive(zeroed_drive):
+    return zeroed_drive
+
+
+@pytest.fixture(scope="module")
 def given(drive):
     return record_drive(drive, 1000).inputs
 
@@ -156,6 +161,24 @@ def test_a_state_that_is_put_back_does_not_undo_a_stop(library, given, ticks):
     for k in range(ticks, ticks + 20):
         u, fault = run.tick(AT + k, data=AT)
         assert (u, fault) == (0.0, Fault.CLOCK)
+
+
+@pytest.mark.parametrize("real", ["f32", "q31"])
+def test_no_part_of_an_old_state_releases_the_latch(library, given, real):
+    """An old state up to any byte, or from it on, and the rest as it is after a stop."""
+    require_tool("gcc")
+    board = library(real).board()
+    run, memory = Run(board, given).until(AT), board.library.ffi.buffer(board.state)
+    old = bytes(memory)
+    for tick in range(AT, AT + 3):
+        run.tick(tick, stop=True)
+    now = bytes(memory)
+    for cut in range(len(now) + 1):
+        for torn in (old[:cut] + now[cut:], now[:cut] + old[cut:]):
+            memory[:] = torn
+            u, fault = zip(*(run.tick(AT + k) for k in range(3, 9)), strict=True)
+            assert not any(u), cut
+            assert all(fault), cut
 
 
 @pytest.mark.parametrize("real", ["f32", "q31"])

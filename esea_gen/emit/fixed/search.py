@@ -316,7 +316,15 @@ def _searched(planner: Planner) -> BlockPlan:
     if not best.wide or not math.isfinite(score):
         return best
     ceiling = max(1.0, 1.02 * score)
-    for i in sorted(best.wide):
-        fewer = {k: r for k, r in best.why_wide.items() if k != i}
-        best = _still_bounded(planner, fewer, found, ceiling) or best
+    # Back to 32 bits as many together as may be, for most may: where one too many does, the halves.
+    waiting, many = sorted(best.wide), 1
+    while waiting:
+        group = waiting[:many]
+        fewer = {k: r for k, r in best.why_wide.items() if k not in group}
+        plan = _still_bounded(planner, fewer, found, ceiling)
+        if plan is None and many > 1:
+            many = len(group) // 2
+            continue
+        best, many = (best, 1) if plan is None else (plan, 2 * many)
+        waiting = waiting[len(group) :]
     return best

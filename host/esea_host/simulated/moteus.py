@@ -6,8 +6,11 @@ terminal as it would the adapter.
 
 from __future__ import annotations
 
+import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from esea_gen.board.moteus import MoteusDrive
 from esea_gen.device import load_device
@@ -82,3 +85,24 @@ def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) ->
             last_s += TICK_S
         else:
             time.sleep(IDLE_S)
+
+
+@contextmanager
+def run_board(program: Path | None, line: str, rotor_side: bool) -> Iterator[Callable[[], bool]]:
+    """Run the firmware on this line meanwhile; yield whether it has ended by itself."""
+    if program is None:
+        yield lambda: False
+        return
+    command = [str(program.resolve()), "tcp:0", "--drive", f"serial:{line}"]
+    try:
+        board = subprocess.Popen([*command, *(["--rotor-side"] if rotor_side else [])])
+    except OSError as error:
+        raise UserError(
+            f"{program} does not run: {error.strerror}.",
+            "Build it: esea-gen firmware DEVICE --board linux --out out.",
+        ) from None
+    try:
+        yield lambda: board.poll() is not None
+    finally:
+        board.terminate()  # it then prints how late it woke up
+        board.wait()
