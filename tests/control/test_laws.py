@@ -213,7 +213,7 @@ def test_laws_that_want_a_block_otherwise_do_not_go_together(drive):
 
 
 @pytest.mark.ci
-def test_two_active_axes_need_no_second_wiring(zeroed_drive):
+def test_two_active_axes_need_no_second_wiring(drive):
     """Each axis does what the drive of one axis does, bit for bit; a stop stops both."""
     require_tool("gcc")
     text = 'schema = 1\nextends = "elbow_drive"\nname = "pair"\ntitle = "Two"\n'
@@ -222,14 +222,14 @@ def test_two_active_axes_need_no_second_wiring(zeroed_drive):
         zero = '{ value = 0.0, status = "assumed", source = "as the drive of one axis" }'
         text += f"[encoder.{side}]\nzero_rad = {zero}\n"
     pair = parse_device(text, "pair.toml")
-    one, two = compile_device(zeroed_drive, "f32").board(), compile_device(pair, "f32").board()
-    sense, control = zeroed_drive.system.tasks
+    one, two = compile_device(drive, "f32").board(), compile_device(pair, "f32").board()
+    sense, control = drive.system.tasks
     rng = np.random.default_rng(5)
-    bits = 2 ** int(zeroed_drive.file.encoder.resolution_bits.value)
+    bits = 2 ** int(drive.file.encoder.resolution_bits.value)
     stopped = 0
     # The drive obeys: motor and motion may not contradict each other.
-    numbers = {c.name: c.value for c in zeroed_drive.constants("actuator")}
-    motor = NominalDrive(numbers, zeroed_drive.period_s, 0.8)
+    numbers = {c.name: c.value for c in drive.constants("actuator")}
+    motor = NominalDrive(numbers, drive.period_s, 0.8)
     shaft = 2 ** int(numbers["encoder_bits"])
     for tick in range(900):
         wave = 0.02 * math.sin(0.01 * tick)
@@ -253,7 +253,7 @@ def test_two_active_axes_need_no_second_wiring(zeroed_drive):
         for task in (sense, control):
             if tick % task.every:
                 continue
-            names = [x.name for x in zeroed_drive.system.task_inputs(task)]
+            names = [x.name for x in drive.system.task_inputs(task)]
             single = one.step(task.name, **{n: given[n] for n in names})
             faults = []
             for axis in pair.axes:

@@ -355,15 +355,15 @@ DRIVE_LATCHED = {"f32": (238, 238), "q31": (217, 217)}
 
 @pytest.mark.ci
 @pytest.mark.parametrize("real", ["f32", "q31"])
-def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(zeroed_drive, real):
+def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real):
     """Both tasks on encoder counts recorded in closed loop, eight ticks after each flip.
 
     The limits' own coefficients are seen at once, all others by the checksum in the next run of the
     control task, which is due 3 or 4 ticks later and released another one later.
     """
     require_tool("gcc")
-    library = compile_device(zeroed_drive, real, (*UNDEFINED, "-fsanitize-recover=all"))
-    given, board = record_drive(zeroed_drive, 1000).inputs, library.board()
+    library = compile_device(drive, real, (*UNDEFINED, "-fsanitize-recover=all"))
+    given, board = record_drive(drive, 1000).inputs, library.board()
     memory, coefficients = board.memory["state"], memoryview(board.memory["coeffs"])
     fields = library.dtype(f"{library.prefix}_coeffs_t").fields
     parts = {n: coefficients[at : at + kind.itemsize] for n, (kind, at) in fields.items()}
@@ -372,7 +372,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(zeroed_driv
         rows = []
         for tick in range(first, last):
             board.release(tick)
-            for task in zeroed_drive.system.tasks:
+            for task in drive.system.tasks:
                 k, late = divmod(tick - task.phase, task.every)
                 if late:
                     continue
