@@ -48,10 +48,10 @@ def test_no_zero_is_taken_over(base):
         copy_device(load_device(base), "mine"),
     ):
         sides = device.file.encoder.motor, device.file.encoder.load
-        assert [getattr(side, "zero_rad", None) for side in sides] == [None, None]
+        assert [side.zero_rad for side in sides] == [None, None]
     load = parse_device(head + zero, "mine.toml").file.encoder.load
     assert load.zero_rad.value == 0.1
-    assert load_device(base).file.encoder.load is None
+    assert load_device(base).file.encoder.load.zero_rad.value == 0.0
 
 
 @pytest.mark.ci
