@@ -10,8 +10,13 @@ import pytest
 from esea_host.connection.receiver import Batch
 from esea_host.recording import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
-from esea_host.windows.feed import RowRing, curve, spans
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+from esea_host.windows.feed import LiveFeed, RowRing, curve, spans
+from esea_host.windows.signals import AxisColumns
 from esea_host.windows.trigger import SINGLE, Trigger, crossings
+from tests.conftest import require_tool
+from tests.control.test_motor_temperature import warm_text
+from tests.windows.test_host_live import run_for
 
 LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
 
@@ -132,3 +137,23 @@ def test_a_sine_is_a_peak_of_its_amplitude():
     assert size[np.argmin(abs(f_Hz - 100.0))] == pytest.approx(0.01, rel=0.02)
     part.after_gap[5980] = True  # too little is left behind it
     assert len(amplitudes(part, values)[0]) == 0
+
+
+def test_a_motor_that_is_warm_is_seen(tmp_path):
+    """Its temperature and what torque it leaves among the numbers, its flags among the limits."""
+    require_tool("gcc")
+    (tmp_path / "warm.toml").write_text(warm_text(), encoding="utf-8")
+    board = SimulatedBoard(str(tmp_path / "warm.toml"))
+    device = LockstepDevice(board)
+    feed = LiveFeed(device, threaded=False)
+    run_for(device, feed, 0.4)
+    feed.came_s = math.inf
+    columns = AxisColumns(feed)
+    newest = {name: ring.last() for name, ring in feed.rings.items()}
+    told = dict(columns.readouts("", newest))
+    assert 110 < float(told["winding [\u00b0C]"]) <= 125
+    assert 5 <= float(told["torque left [%]"]) < 100
+    (derated,) = (f for _, f in columns.flags("") if f.name == "derated")
+    assert derated.held(newest[columns.signals([(derated.word, "", "")], "")[0].stream].rows)[-1]
+    feed.close()
+    board.close()
