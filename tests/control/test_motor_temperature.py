@@ -16,24 +16,21 @@ from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.streams import at_the_limits, streams
 from tests.conftest import require_tool
+from tests.devices.test_device import own
 
 # Order of a motor of the elbow's size; no data sheet's.
 R_WC, R_CA, C_W, C_C, R, K_T, PER_K = 1.5, 4.0, 13.0, 225.0, 0.4, 0.037, 3.93e-3
 AMBIENT, DERATE, MAX = 40.0, 110.0, 125.0
 SHEET = {"k_t_Nm_A": K_T, "resistance_Ohm": R, "winding_case_K_W": R_WC, "case_ambient_K_W": R_CA,
-         "winding_s": C_W * R_WC, "case_s": C_C * R_CA, "ambient_C": AMBIENT,
-         "derate_C": DERATE, "max_C": MAX}  # fmt: skip
+             "winding_s": C_W * R_WC, "case_s": C_C * R_CA,
+             "ambient_C": AMBIENT, "derate_C": DERATE, "max_C": MAX}  # fmt: skip
 H, U_MAX = 5e-3, 0.221
 NODES = ("winding_C", "case_C")
 
 
 def warm_text(**changed: float) -> str:
-    tables = {f"encoder.{side}": {"zero_rad": 0.0} for side in ("motor", "load")}
-    lines = ["schema = 1", 'extends = "elbow_drive"', 'name = "warm"', 'title = "warm motor"']
-    for table, numbers in (tables | {"motor_thermal": SHEET | changed}).items():
-        note = 'status = "assumed", source = "a test"'
-        lines += [f"[{table}]", *(f"{k} = {{ value = {v}, {note} }}" for k, v in numbers.items())]
-    return "\n".join(lines)
+    zeros = {f"encoder.{side}": {"zero_rad": 0.0} for side in ("motor", "load")}
+    return own(**zeros, motor_thermal=SHEET | changed)
 
 
 def warm(**changed: float) -> Device:
@@ -129,12 +126,12 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
 def test_a_hot_winding_takes_the_torque_and_then_latches(real, winding, fault):
     given = record_drive(warm(start_C=40.0), 400).inputs
     board, rows = library(real, start_C=40.0).board(), []
-    runner, nodes = board.library.block("motor_temperature"), board.state.motor_temperature
-    field = next(f for f in runner.state_fields if f.port.name == "winding_C")
+    nodes = board.state.motor_temperature
+    fields = board.library.block("motor_temperature").state_fields
+    field = next(f for f in fields if f.port.name == "winding_C")
     for tick in range(220):
         if tick == 201:
-            kind = type(getattr(nodes, field.name))
-            setattr(nodes, field.name, kind(field.encode(winding)))
+            setattr(nodes, field.name, type(getattr(nodes, field.name))(field.encode(winding)))
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
         rows.append((abs(float(y["u_Nm"])), int(y["fault"])))
@@ -157,16 +154,13 @@ def test_the_emitted_c_is_the_model_and_every_branch_is_taken():
         assert branch_coverage(block, tried, library("f32")).uncovered == []
 
 
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
+def test_a_section_that_makes_no_sense_is_refused():
+    for changed, words in (
         ({"derate_C": 124.5}, r"derate_C = 124.5 is not 1 K below max_C = 125"),
         ({"ambient_C": 70.0, "derate_C": 60.0}, "ambient_C = 70 is above motor_thermal.derate_C"),
         ({"start_C": 130.0}, "start_C = 130 is above motor_thermal.max_C = 125"),
         ({"winding_s": float("nan")}, "winding_s"),
         ({"k_t_Nm_A": 0.0}, "k_t_Nm_A"),
-    ],
-)
-def test_a_section_that_makes_no_sense_is_refused(changed, words):
-    with pytest.raises(UserError, match=words):
-        warm(**changed)
+    ):
+        with pytest.raises(UserError, match=words):
+            warm(**changed)
