@@ -177,8 +177,16 @@ FigureOption = Annotated[
 ]
 
 
+def of_recording(data: Path | None, recording: Path | None) -> Path | None:
+    """``--data``, refused where there is no ``--recording`` that it could belong to."""
+    if data is not None and recording is None:
+        raise UserError("--data without --recording.", "Name the recording, or leave --data out.")
+    return data
+
+
 def recorded_streams(loaded: Device, recording: Path | None, data: Path | None) -> dict[str, Any]:
     """Deflections of ``--recording``, by name; none without it."""
+    data = of_recording(data, recording)
     if recording is None:
         return {}
     from esea_gen.identify import recorded_deflections

@@ -30,6 +30,7 @@ def report(
     json_file: options.JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
+    data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device, controller)
     target = page or writable(Path(f"{loaded.name}.html"))
     assert target is not None

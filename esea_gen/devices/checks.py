@@ -33,7 +33,7 @@ def check_rubber(file: DeviceFile) -> Iterator[UserError]:
         yield UserError(
             "section elastomer is missing: the coupling has no torque model.",
             "Add [elastomer], as the shipped elbow.toml has it, or a member of the family, "
-            "[family] (docs/identify.md).",
+            "[family] (docs/torque-models.md).",
         )
 
 

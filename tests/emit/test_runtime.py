@@ -23,6 +23,11 @@ AT = 201  # the command is large here, and no fault
 
 
 @pytest.fixture(scope="module")
+def drive(zeroed_drive):
+    return zeroed_drive
+
+
+@pytest.fixture(scope="module")
 def given(drive):
     return record_drive(drive, 1000).inputs
 

@@ -95,6 +95,40 @@ def wrist(feed, live, tmp_path):
     return made.window
 
 
+def knee(feed, live, tmp_path):
+    from esea_host.windows.assess import AssessWindow
+
+    return AssessWindow(ClinicDesk(Assessment(made_up()), Comfort(0, 120 * DEG)))
+
+
+WINDOWS = live_with_all_docks, commissioning, operator, wrist, knee
+
+
+def unnamed(window):
+    from PySide6.QtCore import Qt
+    from PySide6.QtWidgets import QAbstractButton, QWidget
+
+    fields = (w for w in window.findChildren(QWidget) if w.focusPolicy() & Qt.FocusPolicy.TabFocus)
+    words = ((w, w.text() if isinstance(w, QAbstractButton) else "") for w in fields)
+    return [w for w, text in words if not (w.accessibleName() or text)]
+
+
+@pytest.mark.parametrize("made", WINDOWS)
+def test_a_screen_reader_has_a_name_for_everything_that_takes_the_focus(
+    feed, live, qtbot, tmp_path, made
+):
+    from PySide6.QtWidgets import QLineEdit
+
+    window = made(feed, live, tmp_path)
+    qtbot.addWidget(window)
+    window.timer.stop()
+    window.show()
+    assert unnamed(window) == []
+    planted = QLineEdit(window)
+    assert unnamed(window) == [planted]
+    window.close()
+
+
 def test_a_stop_is_sent_though_its_window_closes_at_once(simulated_elbow):
     for _ in range(20):
         stopper = StopSender(LockstepDevice(simulated_elbow))
@@ -103,7 +137,7 @@ def test_a_stop_is_sent_though_its_window_closes_at_once(simulated_elbow):
         assert stopper.sent == 1
 
 
-@pytest.mark.parametrize("made", [live_with_all_docks, commissioning, operator, wrist])
+@pytest.mark.parametrize("made", WINDOWS[:4])
 def test_stop_is_complete_and_at_its_place_at_every_size(feed, live, qtbot, tmp_path, made):
     from PySide6.QtCore import QPoint, QSize
     from PySide6.QtWidgets import QApplication
@@ -130,13 +164,13 @@ def test_stop_is_complete_and_at_its_place_at_every_size(feed, live, qtbot, tmp_
 
 
 def test_without_a_motor_the_place_of_stop_says_so(qtbot):
-    from esea_host.windows.assess import AssessWindow
-
-    window = AssessWindow(ClinicDesk(Assessment(made_up()), Comfort(0, 120 * DEG)))
+    window = knee(None, None, None)
     window.timer.stop()
     qtbot.addWidget(window)
     window.resize(720, 425)
     window.show()
+    plot = window.map  # a small window cuts nothing of it
+    assert plot.item.size().width() <= plot.view.viewport().width()
     assert "nothing to stop" in window.stop_button.text()
     assert not window.stop_button.isEnabled()
     assert window.stop_button.visibleRegion().boundingRect() == window.stop_button.rect()

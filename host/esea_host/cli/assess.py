@@ -295,7 +295,7 @@ def _board(
         board = KneeBoard(connected, comfort, json_file, **given)
         try:
             about = "simulated " if board.simulated else ""
-            out.print(f"{about}{connected.identity.device.name} on {connected.identity.board}")
+            out.print(f"{about}{connected.identity.who}")
             out.print(
                 f"Recorded in {board.recorded}."
                 if board.recorded

@@ -14,6 +14,7 @@ from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
 from esea_host.cli.options import CloseAfterOption, LogArgument, OneStreamOption, ScreenshotOption
 from esea_host.cli.view import watch_recording
+from esea_host.connection.address import driven_by
 from esea_host.recording import open_log
 from esea_host.recording.clock import clock_fit
 from esea_host.recording.integrity import warn_unless_complete
@@ -33,7 +34,8 @@ def show(path: LogArgument) -> None:
         _list("damage", log.integrity.damages)
         if facts:
             kind = "simulated" if facts.get("simulated") else "board"
-            device, board = facts.get("device", "?"), facts.get("board", "?")
+            device = driven_by(facts.get("controller"), facts.get("device", "?"))
+            board = facts.get("board", "?")
             out.print(f"{device} ({kind} {board}), C {facts.get('content_hash', '?')}")
         for name, (count, first, last) in log.spans().items():
             length = f"{(last - first) * 1e-9:.3f} s" if count else "empty"

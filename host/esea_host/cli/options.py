@@ -41,6 +41,7 @@ StreamOption = Annotated[
 OneStreamOption = Annotated[
     str | None, option("--stream", "Which; default: what the first axis is sensed to do.")
 ]
+PortOption = Annotated[int, option("--port", "Of the browser view; 0: any.", min=0, max=65535)]
 RateOption = Annotated[
     float | None, option("--rate", "Runs a second; default: every one.", min=0.001)
 ]
@@ -51,11 +52,6 @@ CloseAfterOption = Annotated[
     float | None, option("--seconds", "Close the window after so long.", min=1.0, max=1e6)
 ]
 DarkOption = Annotated[bool | None, option("--dark/--light", "Default: as the desktop has it.")]
-
-
-def driven_by(controller: str | None, device: str) -> str:
-    """A device under another controller, as addresses take it: ``smc@elbow_drive``."""
-    return f"{controller}@{device}" if controller else device
 
 
 # Rooms whose tasks register themselves when they are read.

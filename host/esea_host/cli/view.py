@@ -24,14 +24,14 @@ from esea_host.cli.options import (
     DarkOption,
     DeviceOption,
     KeyOption,
+    PortOption,
     RecordOption,
     ScreenshotOption,
-    driven_by,
     of_file,
     output_file,
 )
 from esea_host.connection import ConnectedDevice, hands_at, open_device
-from esea_host.connection.address import parse_address
+from esea_host.connection.address import driven_by, parse_address
 
 if TYPE_CHECKING:
     from esea_host.connection.recording import LiveRecording
@@ -66,6 +66,7 @@ def view(
     serve: Annotated[
         str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
     ] = None,
+    port: PortOption = 8766,
 ) -> None:
     """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
@@ -80,7 +81,7 @@ def view(
             from_extra("tornado", "serve", "The browser view")
             from esea_host.serve import browser_view
 
-            out.print(held.enter_context(browser_view(feed, serve)))
+            out.print(held.enter_context(browser_view(feed, serve, port)))
         run_live(feed, dark, seconds, screenshot)
 
 

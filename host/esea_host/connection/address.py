@@ -33,6 +33,11 @@ class BoardAddress:
         return f"{self.kind}:{self.place}"
 
 
+def driven_by(controller: str | None, device: str) -> str:
+    """A device under another controller, as addresses take it: ``smc@elbow_drive``."""
+    return f"{controller}@{device}" if controller else device
+
+
 def parse_address(text: str) -> BoardAddress:
     file = text.removeprefix("file:")
     if file.endswith(".mcap"):

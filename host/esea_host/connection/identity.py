@@ -24,6 +24,7 @@ from esea_gen.link.signing import key_folder, stored_keys
 from esea_gen.link.transport import LinkError, Transport
 from esea_gen.portability import processors
 from esea_gen.targets import BOARDS
+from esea_host.connection.address import driven_by
 from esea_host.recording.replay import loaded_device
 
 ANYBODY = "elbow_drive"  # its dialect has the messages that all devices share
@@ -48,11 +49,20 @@ class Identity:
     def simulated(self) -> bool:
         return self.board in (*SIMULATED_BOARDS, *EMULATED_BOARDS)
 
+    @property
+    def controller(self) -> str:
+        """Names of controllers that are not the device file's own."""
+        return ",".join(Path(n).name for n in self.device.controller.split(","))
+
+    @property
+    def who(self) -> str:
+        return f"{driven_by(self.controller, self.device.name)} on {self.board}"
+
     def facts(self) -> dict[str, Any]:
         """For the record: what ran, on what, seen from where."""
         return {
             "device": self.device.name,
-            "controller": ",".join(Path(n).name for n in self.device.controller.split(",")),
+            "controller": self.controller,
             "content_hash": self.content_hash,
             "real": self.real,
             "board": self.board,

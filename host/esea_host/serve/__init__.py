@@ -91,7 +91,7 @@ class BrowserView:
         self._signals = [s for *_, signals in shown for s in signals]
         self._bin_s = max(BIN_S, 2 * max(feed.period_s[s.stream] for s in self._signals))
         self._head = {
-            "who": f"{feed.device.identity.device.name} on {feed.device.identity.board}",
+            "who": feed.device.identity.who,
             "simulated": feed.device.simulated,
             "drives": self.columns.drives,
             "panels": [(title, unit, [s.label for s in own]) for title, unit, own in shown],

@@ -14,6 +14,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.judge import ROUGHNESS, rms, roughness
+from esea_host.connection.address import driven_by
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, verify
 from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard
@@ -59,8 +60,9 @@ def run_demo(
             f"Record it: esea-host record 'sim:{drive.device.name}?zeroed=1' FILE.mcap",
         )
     try:
-        say(f"simulated {drive.device.name}, simulated person '{person or PERSON}'")
         connected = LockstepDevice(drive)
+        named = driven_by(connected.identity.controller, drive.device.name)
+        say(f"simulated {named}, simulated person '{person or PERSON}'")
         with connected.record(target) as live:
             live.note("simulated: the firmware's application, virtual drive, virtual person")
             latched = _follow(connected, seconds)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QApplication,
     QLabel,
@@ -46,6 +47,7 @@ from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 
 FRAME_MS, LEAST_HEIGHT_PX = 40, 400
+STACKED_PX = 900, 1200  # the width below which, and the height in which
 RECORDINGS = f"Recordings (*{' *'.join(KINDS)})"
 PAGES = "Page (*.pdf *.png *.html)"
 
@@ -80,6 +82,7 @@ class AssessWindow(StopWindow):
         self.history = HistoryPlot([long_name(n) for n in names])
         self.trail = QListWidget()
         self.trail.setMinimumHeight(90)
+        self.trail.setAccessibleName("Steps")
         self.controls = ClinicControls(names, self.desk.comfort, self.desk.patient is not None)
         c = self.controls
         c.moved.connect(self.move_leg)
@@ -93,6 +96,7 @@ class AssessWindow(StopWindow):
         controls = QScrollArea()
         controls.setWidget(self.controls)
         controls.setWidgetResizable(True)
+        controls.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.panel = None if self.desk.board is None else BoardPanel(self.desk.board)
         across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
         self.leg.setMinimumSize(120, 120)
@@ -100,15 +104,23 @@ class AssessWindow(StopWindow):
         left = _split(down, {self.map.view: 360, lower: 340})
         sizes = (205, 395, 110) if self.panel is None else (340, 260, 110)
         right = _split(down, dict(zip((self._upper(), controls, self.trail), sizes, strict=True)))
-        both = _split(across, {left: 760, right: 520})
-        both.setMinimumHeight(LEAST_HEIGHT_PX)
-        self.fill(column_of(row_of((self.now, 1), self.settled), (both, 1)))
+        self._seen, self._done, self._both = left, right, _split(across, {left: 760, right: 520})
+        self.fill(column_of(row_of((self.now, 1), self.settled), (self._both, 1)))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """On a small screen what is done stands above what is seen."""
+        super().resizeEvent(event)
+        small = self.width() < STACKED_PX[0]
+        self._both.setOrientation(Qt.Orientation.Vertical if small else Qt.Orientation.Horizontal)
+        self._both.insertWidget(0, self._done if small else self._seen)
+        self._both.setMinimumHeight(STACKED_PX[1] if small else LEAST_HEIGHT_PX)
 
     def _upper(self) -> QWidget:
         history: QWidget = self.history.view
         if self.panel is None:
             return history
         tabs = QTabWidget()
+        tabs.setAccessibleName("Views")
         tabs.addTab(self.panel, "At the board")
         tabs.addTab(history, "How it came to that")
         return tabs

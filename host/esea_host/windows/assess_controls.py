@@ -17,7 +17,7 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.segments import MovementEvent, MovementVerdict
 from esea_host.assess.session import WORDS
 from esea_host.windows.assess_plots import MovementLoop
-from esea_host.windows.frame import column_of, push_button, row_of
+from esea_host.windows.frame import column_of, labelled, push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.theme import Theme, plain_label
 
@@ -55,8 +55,9 @@ class ClinicControls(QWidget):
             words.addWidget(word, i // 3, i % 3)
         self.why_skip = QLineEdit()
         self.why_skip.setPlaceholderText("why, such as pain")
-        for row, text in enumerate(("Sensor shows", "Resistance felt", "No result"), 1):
-            grid.addWidget(QLabel(text), row, 0)
+        grid.addWidget(labelled("Sensor shows", self.torque), 1, 0)
+        grid.addWidget(QLabel("Resistance felt"), 2, 0)
+        grid.addWidget(labelled("No result", self.why_skip), 3, 0)
         grid.addWidget(self.torque.box, 1, 1)
         grid.addWidget(push_button("Take", self._take_torque), 1, 2)
         grid.addLayout(words, 2, 1, 1, 2)
@@ -102,7 +103,7 @@ class ClinicControls(QWidget):
         for i, (text, field) in enumerate(
             (("from", self.low), ("to", self.high), ("at most", self.fastest))
         ):
-            grid.addWidget(QLabel(text), 0, 2 * i)
+            grid.addWidget(labelled(text, field), 0, 2 * i)
             grid.addWidget(field.box, 0, 2 * i + 1)
             grid.addWidget(field.reason, i + 1, 0, 1, 6)
             field.taken.connect(self.limit)

@@ -86,6 +86,7 @@ class CommissioningWindow(StopWindow):
     def _build(self) -> None:
         self.list = QListWidget()
         self.list.setFixedWidth(240)
+        self.list.setAccessibleName("Steps")
         self.list.currentRowChanged.connect(self._choose)
         self.head, self.text, self.picture = QLabel(), QLabel(), QLabel()
         for label in (self.head, self.text):
@@ -125,7 +126,7 @@ class CommissioningWindow(StopWindow):
     def _choose(self, _: int) -> None:
         step = self.step
         motor = " <b>The motor moves.</b>" if step.motor else ""
-        self.head.setText(f"<h2>{step.title}</h2>{step.finds}.{motor}")
+        self.head.setText(f"<h2>{step.title}</h2>{step.finds[:1].upper()}{step.finds[1:]}.{motor}")
         result = self.done.get(step.name)
         self.text.setText("")
         self.picture.clear()

@@ -18,14 +18,18 @@ from PySide6.QtGui import (
     QKeyEvent,
     QKeySequence,
     QMouseEvent,
+    QShowEvent,
 )
 from PySide6.QtWidgets import (
+    QAbstractButton,
     QApplication,
     QBoxLayout,
     QDialog,
     QFileDialog,
     QFrame,
+    QGroupBox,
     QHBoxLayout,
+    QLabel,
     QLayout,
     QLineEdit,
     QMainWindow,
@@ -146,6 +150,26 @@ def push_button(text: str, job: Job, *, focus: bool = True) -> QPushButton:
     if not focus:
         made.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     return made
+
+
+def labelled(text: str, field: QWidget) -> QLabel:
+    """A label that names its field for a screen reader, too."""
+    made = QLabel(text)
+    made.setBuddy(field)
+    field.setAccessibleName(text)
+    return made
+
+
+def name_fields(window: QWidget) -> None:
+    """Name for a screen reader what takes the focus and has no label: by words in or around it."""
+    for field in window.findChildren(QWidget):
+        place, words = field, field.accessibleName()
+        words = words or getattr(field, "placeholderText", str)() or field.toolTip()
+        while not words and (place := place.parentWidget()) is not window:
+            title = place.title() if isinstance(place, QGroupBox) else place.windowTitle()
+            words = place.accessibleName() or title
+        if field.focusPolicy() & Qt.FocusPolicy.TabFocus and not isinstance(field, QAbstractButton):
+            field.setAccessibleName(words)
 
 
 def _filled(layout: QBoxLayout, parts: Iterable[QWidget | QLayout | tuple[Any, int]]) -> Any:
@@ -337,6 +361,10 @@ class StopWindow(QMainWindow):
                 self.stop()
             return True
         return False
+
+    def showEvent(self, event: QShowEvent) -> None:
+        super().showEvent(event)
+        name_fields(self)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         self.timer.stop()

@@ -57,14 +57,13 @@ class LiveWindow(StopWindow):
     def __init__(self, feed: LiveFeed, dark: bool = False) -> None:
         super().__init__()
         self.feed = feed
-        device = feed.device.identity.device
         self.columns = AxisColumns(feed)
         self.axis, self._drives = self.columns.axes[0], self.columns.drives
         self.window_s, self._frozen = 10.0, dict[str, Stretch]()
         self.played = feed.device if isinstance(feed.device, PlayedBoard) else None
         self.trigger = Trigger()
         self.drawn_frames = 0
-        self._who = f"{device.name} on {feed.device.identity.board}"
+        self._who = feed.device.identity.who
         kind = "SIMULATED" if feed.device.simulated else ""
         self.setWindowTitle(f"{kind} {self._who} - esea-host".strip())
         self.bar.mark(kind, self._who)
@@ -317,7 +316,7 @@ class LiveWindow(StopWindow):
         found = self.channels.chosen()
         signals = [signal_of(s, n, self.columns.all[s, n].unit) for s, n in found]
         units = {s.unit for s in signals}
-        self.chosen.left = units.pop() if len(units) == 1 else ""
+        self.chosen.unit = units.pop() if len(units) == 1 else ""
         colours = self.theme.curves
         self.chosen.show(signals, self.theme, [colours[i % 8] for i in range(len(signals))])
         self.chosen.item.setVisible(bool(signals))

@@ -37,8 +37,10 @@ def legend(named: Iterable[tuple[str, str]]) -> str:
 def _apart(
     asked: Callable[..., list[tuple[float, float]]], low: float, high: float, size_px: float
 ) -> list[tuple[float, float]]:
-    # Major ticks only, no two numbers on each other.
+    # Major ticks only: some, but no two numbers on each other.
     found = asked(low, high, size_px)[:1]
+    if found and 4 * found[0][0] > high - low:
+        found = [(found[0][0] / 2, found[0][1])]
     while found and found[0][0] * size_px < NUMBER_PX * (high - low):
         found = [(2 * found[0][0], found[0][1])]
     return found
@@ -51,12 +53,18 @@ class PlotPanel:
         self.item, self.title, self.bottom, self.left = item, title, bottom, left
         item.setMenuEnabled(False)
         item.hideButtons()
+        # A long title is cut at its end; it would widen the plot beyond its view.
+        item.titleLabel.setAttr("justify", "left")
+        item.titleLabel.updateMin = lambda: None
         upright = item.getAxis("left")
         upright.tickSpacing = partial(_apart, upright.tickSpacing)
 
-    def dress(self, theme: Theme, more: str = "", size: str = "9pt") -> None:
+    def dress(self, theme: Theme, more: str = "") -> None:
         """Title with what comes after it, labels, axes and grid."""
-        self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size=size)
+        self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size="9pt")
+        view = self.item.getViewWidget()
+        if self.title not in (names := view.accessibleName()):
+            view.setAccessibleName(f"{names}, {self.title}".removeprefix(", "))
         # As high as its letters: the curves need the rest.
         height_px = self.item.titleLabel.itemRect().height()
         self.item.layout.setRowFixedHeight(0, height_px)
@@ -86,6 +94,7 @@ class SignalPlot(PlotPanel):
 
     def __init__(self, item: Any, title: str, bottom: str = "", left: str = "") -> None:
         super().__init__(item, title, bottom, left)
+        self.unit = ""  # beside the title: the numbers' axis is wide
         self.signals: list[ShownSignal] = []
         self.curves: list[Any] = []
 
@@ -100,14 +109,16 @@ class SignalPlot(PlotPanel):
             for c, w in zip(colours, widths, strict=False)
         ]
         labels = [s.label for s in signals]
-        self.dress(theme, f" &nbsp; {legend(zip(labels, colours, strict=True))}")
+        unit = f" [{self.unit}]" if self.unit else ""
+        self.dress(theme, f"{escape(unit)} &nbsp; {legend(zip(labels, colours, strict=True))}")
 
 
 class TimePlot(SignalPlot):
     """Signals over time, in one plot of a column of them."""
 
     def __init__(self, area: Any, row: int, title: str, unit: str) -> None:
-        super().__init__(area.addPlot(row=row, col=0), title, left=unit)
+        super().__init__(area.addPlot(row=row, col=0), title)
+        self.unit = unit
         self.item.getAxis("bottom").setStyle(showValues=False)
         self.item.getAxis("left").setWidth(AXIS_PX)
         self.limit_lines = [pg.InfiniteLine(angle=0) for _ in range(2)]

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from PySide6.QtWidgets import QLabel, QWidget
+from PySide6.QtWidgets import QWidget
 
 from esea_host.windows.feed import Floats, Stretch
-from esea_host.windows.frame import push_button, row_of
+from esea_host.windows.frame import labelled, push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.signals import ShownSignal
 
@@ -84,9 +84,11 @@ class TriggerBar(QWidget):
         self.source, self.mode, self.edge = Choice(), Choice(), Choice()
         self.level = NumberField(-1e6, 1e6, 0.1)
         self.mode.addItems(list(MODES))
+        self.edge.setAccessibleName("edge")
         self.edge.addItems(["rises", "falls"])
         self.again = push_button("Again", self.apply)
-        mode, when, through = (QLabel(text) for text in ("Trigger", "when", "through"))
+        fields = self.mode, self.source, self.level
+        mode, when, through = map(labelled, ("Trigger", "when", "through"), fields)
         ends = (self.level.box, self.again, (QWidget(), 1))
         row = row_of(mode, self.mode, when, self.source, self.edge, through, *ends)
         row.setContentsMargins(4, 0, 4, 0)

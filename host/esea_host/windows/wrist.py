@@ -101,7 +101,7 @@ class _FactorPlot(PlotPanel):
         self._now.setPen(pg.mkPen(theme.measured, width=2))
         self._here.setSymbolBrush(theme.measured)
         self._here.setSymbolPen(pg.mkPen(theme.ink, width=1))
-        self.dress(theme, f": {NAMES[self.title]} [deg]", "10pt")
+        self.dress(theme, f": {NAMES[self.title]} [deg]")
 
     def draw(self, now: AxisView) -> None:
         self._now.setValue(now.theta_deg)
@@ -129,7 +129,7 @@ class WristWindow(StopWindow):
         self._rows = feed.device.subscribe(list(display.streams))
         identity = feed.device.identity
         mark = "SIMULATED" if feed.device.simulated else ""
-        self._who = f"{identity.device.name} on {identity.board}"
+        self._who = identity.who
         self.setWindowTitle(f"{mark} {self._who}: wrist display - esea-host".strip())
         self.bar.mark(mark, self._who)
         self._build()

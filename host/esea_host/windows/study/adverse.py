@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QLineEdit
 from esea_host.study.conductor import Conductor
 from esea_host.study.records import RELATIONS, SEVERITIES
 from esea_host.study.words import Words
-from esea_host.windows.frame import column_of, push_button, row_of
+from esea_host.windows.frame import column_of, labelled, push_button, row_of
 from esea_host.windows.number_field import Choice
 from esea_host.windows.theme import LIGHT
 
@@ -39,7 +39,7 @@ class AdversePanel(QFrame):
             choice.addItem(words("adverse.choose"), "")
             for key in CHOICES[name]:
                 choice.addItem(words(f"adverse.{key}"), key)
-            columns.append((column_of(QLabel(words(f"adverse.{name}")), choice), 1))
+            columns.append((column_of(labelled(words(f"adverse.{name}"), choice), choice), 1))
         self.text, self.told = QLineEdit(), QLabel()
         self.text.setPlaceholderText(words("adverse.write_here"))
         self.told.setWordWrap(True)

@@ -106,6 +106,7 @@ class OperatorWindow(StopWindow):
         self.trials = QTableWidget(len(plan.trials), len(COLUMNS))
         titles = [words(f"operator.{name}") if name else "" for name in COLUMNS]
         self.trials.setHorizontalHeaderLabels(titles)
+        self.trials.setAccessibleName(", ".join(filter(None, titles)))
         self.trials.verticalHeader().hide()
         self.trials.verticalHeader().setDefaultSectionSize(24)
         self.trials.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
