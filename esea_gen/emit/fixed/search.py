@@ -92,7 +92,8 @@ def _still_bounded(
         plan = planner.plan(wide)
         step = Propagation(plan, room=room, known=planner.known[room])
         if found.linear:
-            summed = linear_bound(block, step.state_errors(step.once(step.zero)[0]))
+            local = step.state_errors(step.once(step.zero)[0])
+            summed = linear_bound(block, local, step.known)
             assert summed is not None
             errors = summed
         result, _ = step.once(errors)
@@ -321,10 +322,10 @@ def _searched(planner: Planner) -> BlockPlan:
     while waiting:
         group = waiting[:many]
         fewer = {k: r for k, r in best.why_wide.items() if k not in group}
-        plan = _still_bounded(planner, fewer, found, ceiling)
-        if plan is None and many > 1:
+        narrower = _still_bounded(planner, fewer, found, ceiling)
+        if narrower is None and len(group) > 1:
             many = len(group) // 2
             continue
-        best, many = (best, 1) if plan is None else (plan, 2 * many)
+        best, many = narrower or best, 2 * many if narrower else 1
         waiting = waiting[len(group) :]
     return best

@@ -248,10 +248,15 @@ static size_t await_frame(uint8_t *frame)
 {
     struct pollfd ready = { file, POLLIN, 0 };
     size_t count;
+    int came;
 
-    while ((count = next_frame(frame)) == 0u)
-        if (poll(&ready, 1u, PATIENCE_MS) <= 0)
+    while ((count = next_frame(frame)) == 0u) {
+        do
+            came = poll(&ready, 1u, PATIENCE_MS);
+        while (came < 0 && errno == EINTR);
+        if (came <= 0)
             return 0u;
+    }
     return count;
 }
 

@@ -294,6 +294,10 @@ def _in_windows(
     run_windows(conductor, board, asked.language, asked.dark, asked.patch.value, asked.close, point)
     if conductor.error is not None:
         raise conductor.error
+    if conductor.display is not None and (seen := conductor.display.take(True))["intervals"]:
+        late = ", ".join(f"{k} %: {seen[f'interval_p{k}_ms']} ms" for k in (50, 99, 100))
+        lost = f"{seen['dropped']} of {seen['intervals']} frames dropped"
+        out.print(f"Participant's window: {lost} at {seen['refresh_Hz']:g} Hz; intervals {late}.")
     return conductor.state, conductor.reason
 
 

@@ -21,6 +21,7 @@ from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_
 from esea_host.simulated.server import IDLE_S, Terminal
 
 TICK_S, SILENCE_S = 1e-3, 0.01
+END_S = 10.0  # for a program to end by itself
 
 
 class MoteusJoint:
@@ -48,9 +49,10 @@ class MoteusJoint:
         self._rotor = self._last = 0  # counts of the rotor, over all its turns
         counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
         self._last = counts[2]
-        self._show(counts)
+        self.show(counts)
 
-    def _show(self, counts: tuple[int, int, int]) -> None:
+    def show(self, counts: tuple[int, int, int]) -> None:
+        """Have the drive's encoders read these: motor side, load side, motor."""
         motor, load, gear = counts
         half = self._gear_bits // 2
         self._rotor += (gear - self._last + half) % self._gear_bits - half
@@ -62,7 +64,11 @@ class MoteusJoint:
     def tick(self) -> None:
         """A millisecond of drive and plant."""
         self.drive.advance(TICK_S)
-        self._show(self.plant.step(self.drive.torque_Nm / self.gear))
+        self.move()
+
+    def move(self) -> None:
+        """A millisecond of the plant alone."""
+        self.show(self.plant.step(self.drive.torque_Nm / self.gear))
 
 
 def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) -> None:
@@ -105,4 +111,8 @@ def run_board(program: Path | None, line: str, rotor_side: bool) -> Iterator[Cal
         yield lambda: board.poll() is not None
     finally:
         board.terminate()  # it then prints how late it woke up
-        board.wait()
+        try:
+            board.wait(END_S)
+        except subprocess.TimeoutExpired:
+            board.kill()
+            board.wait()

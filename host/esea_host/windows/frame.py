@@ -164,7 +164,7 @@ def name_fields(window: QWidget) -> None:
     """Name for a screen reader what takes the focus and has no label: by words in or around it."""
     for field in window.findChildren(QWidget):
         place, words = field, field.accessibleName()
-        words = words or getattr(field, "placeholderText", field.toolTip)()
+        words = words or getattr(field, "placeholderText", str)() or field.toolTip()
         while not words and (place := place.parentWidget()) is not window:
             title = place.title() if isinstance(place, QGroupBox) else place.windowTitle()
             words = place.accessibleName() or title

@@ -87,14 +87,8 @@ class TriggerBar(QWidget):
         self.edge.setAccessibleName("edge")
         self.edge.addItems(["rises", "falls"])
         self.again = push_button("Again", self.apply)
-        mode, when, through = (
-            labelled(text, field)
-            for text, field in (
-                ("Trigger", self.mode),
-                ("when", self.source),
-                ("through", self.level),
-            )
-        )
+        fields = self.mode, self.source, self.level
+        mode, when, through = map(labelled, ("Trigger", "when", "through"), fields)
         ends = (self.level.box, self.again, (QWidget(), 1))
         row = row_of(mode, self.mode, when, self.source, self.edge, through, *ends)
         row.setContentsMargins(4, 0, 4, 0)
