@@ -37,7 +37,7 @@ ResumeOption = Annotated[
     Path | None,
     option(
         "--resume FILE",
-        "Keep what the search computes; go on from it if it was cut off.",
+        "Store the search in FILE; the same command continues from there.",
         callback=writable,
     ),
 ]
@@ -310,7 +310,7 @@ def torque_check(
         Path | None, option("--recording FILE", "CSV: time_s, tau_Nm, optionally step.")
     ] = None,
     resume: Annotated[
-        Path | None, option("--resume FILE", "Continue the check in this JSON file.")
+        Path | None, option("--resume JSON", "Continue the check in the file that --json wrote.")
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:
