@@ -153,8 +153,9 @@ def emulate(
             )
         write_json(json_file, "emulate", {"device": loaded.name, "streams": content})
     exit_unless(all(r.identical for r in results.values()))
-    chosen = {"--controller": controller, "--board": board if board != DEFAULT_BOARD else None}
-    out.next("report", device, *(w for pair in chosen.items() if pair[1] for w in pair))
+    more = ["--controller", controller] if controller else []
+    more += ["--board", board] if board != DEFAULT_BOARD else []
+    out.next("report", device, *more)
 
 
 def _show_tasks(results: dict[str, Any]) -> None:
