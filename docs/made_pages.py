@@ -1,7 +1,7 @@
 """Pages of the site that are made from the program itself, at every build, so that none goes stale.
 
-``device-file.md`` from the JSON schema, ``command-line.md`` from the commands, ``api/*.md`` from
-the docstrings, ``hazards.md`` and ``states.md`` from their tables.
+``device-file.md`` and ``mapping-file.md`` from their schemas, ``command-line.md`` from the
+commands, ``api/*.md`` from the docstrings, ``hazards.md`` and ``states.md`` from their tables.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from esea_gen.control.limits.faults import FAULT_CODES
 from esea_gen.device import load_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.emit.states import BOARD_FAULTS, EVENTS, GUARDS, STATES, TABLE, TIMES_MS
+from esea_gen.identify.recording import tables as mapping_tables
+from esea_gen.identify.recording.mapping import FITTABLE
 
 # The library's face, page by page: what a program may rely on.  It is documented in full, and a
 # test holds it to that; everything else says in a line what its names do not.
@@ -323,6 +325,79 @@ def device_file_page() -> str:
     return "\n".join(lines)
 
 
+UNITS = {
+    "deflection.unit": {**mapping_tables.ANGLE, **mapping_tables.LENGTH},
+    "torque.unit": {
+        **mapping_tables.TORQUE,
+        **mapping_tables.FORCE,
+        **mapping_tables.VOLTAGE,
+    },
+    "sampling.time_unit": mapping_tables.TIME,
+}
+
+
+def _mapping_row(place: str, key: str, about: dict[str, Any], needed: bool) -> str:
+    """A key of a mapping file: kind, values, default, meaning."""
+    known = next((a for a in about.get("anyOf", ()) if a.get("type") != "null"), about)
+    default = about.get("default")
+    kinds = {"integer": "whole number", "boolean": "true or false", "array": "list"}
+    kind = kinds.get(known.get("type"), known.get("type", "choice").replace("string", "text"))
+    low = known.get("minimum", known.get("exclusiveMinimum"))
+    high = known.get("maximum", known.get("exclusiveMaximum"))
+    if "low" in about:
+        kind, low, high = "number with status", about["low"], about["high"]
+        default = f"{default['value']:g}" if default else None
+    chosen = [f"`{x}`" for x in known.get("enum", UNITS.get(place, []))]
+    if high is not None:
+        chosen = [f"{low:g} to {high:g}"]
+    elif low is not None:
+        chosen = [f"from {low:g}"]
+    if place in FITTABLE:
+        chosen.append('`"fit"`')
+    shown = "needed" if needed else "" if default in (None, []) else f"`{default}`"
+    cells = (f"`{key}`", kind, ", ".join(chosen), shown, about["description"])
+    return f"| {' | '.join(_cell(c) for c in cells)} |"
+
+
+def mapping_file_page() -> str:
+    """The reference of the mapping file, from its JSON schema."""
+    schema = mapping_tables.Mapping.model_json_schema()
+    head = ["| key | kind | values | default | meaning |", "|---|---|---|---|---|"]
+    lines = [
+        "# Mapping file",
+        "",
+        "*Made from the model that reads it.* A mapping file is TOML. It names the columns of a",
+        "recording, their units and scales, and the cycles that train the model.",
+        "[Identify a material](identify.md) shows a short one. A number with status is written",
+        '`{ value = 1.25, status = "assumed", source = "why" }`. The status is `published`,',
+        "`identified` or `assumed`.",
+    ]
+
+    def section(name: str, node: dict[str, Any], many: bool, needed: bool) -> None:
+        rows, inner = [], []
+        for key, about in node["properties"].items():
+            must = key in node.get("required", ())
+            known = next((a for a in about.get("anyOf", ()) if "$ref" in a), about)
+            below = known.get("$ref") or about.get("items", {}).get("$ref")
+            if below and "low" not in about:
+                inner.append((key, schema["$defs"][below.split("/")[-1]], "items" in about, must))
+            else:
+                rows.append(_mapping_row(f"{name}.{key}", key, about, must))
+            if below and name and "low" not in about:
+                one = {"type": "table", "description": about["description"]}
+                rows.append(_mapping_row("", key, one, must))
+        title = f"`[[{name}]]`" if many else f"`[{name}]`"
+        lines.extend(["", f"## {title if name else 'Top level'}", ""])
+        if name:
+            lines.extend([node["description"] + ("" if needed else " Optional."), ""])
+        lines.extend(['<div class="keys" markdown>', "", *head, *rows, "", "</div>"])
+        for entry in inner if not name else ():
+            section(*entry)
+
+    section("", schema, False, True)
+    return "\n".join(lines) + "\n"
+
+
 def commands() -> dict[str, Any]:
     """Every command of ``esea-gen`` by what is typed, groups included."""
     from esea_gen.cli import app
@@ -435,6 +510,7 @@ def pages() -> dict[str, str]:
     """All generated pages, by path."""
     made = {
         "device-file.md": device_file_page(),
+        "mapping-file.md": mapping_file_page(),
         "command-line.md": command_line_page(),
         "hazards.md": hazards_page(),
         "states.md": states_page(),

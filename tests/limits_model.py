@@ -193,7 +193,7 @@ class PlainLimits:
             (Fault.SPEED, "SPEED"), (Fault.RANGE_OF_MOTION, "RANGE_OF_MOTION"),
             (Fault.ENERGY, "ENERGY"), (Fault.CLOCK, "CLOCK"), (Fault.LATE, "LATE"),
             (Fault.COEFFICIENTS, "COEFFICIENTS"),
-            *((f, f.name) for f in Fault if f > Fault.COEFFICIENTS),
+            *((f, f.name) for f in Fault if Fault.COEFFICIENTS < f < Fault.MOTOR_HOT),
         ):  # fmt: skip
             bits[flag] = fault in found
         bits["REARM_REFUSED"] = other and was is not Fault.NONE and self.fault is not Fault.NONE

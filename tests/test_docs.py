@@ -17,6 +17,7 @@ import pytest
 
 import esea_gen
 from esea_gen.hostlib.library import compile_system
+from esea_gen.identify.recording.mapping import parse_mapping
 from tests.conftest import ROOT, load_file, require_module, require_tool
 from tests.typed import typed
 
@@ -207,6 +208,12 @@ def test_the_files_that_the_page_names_are_there():
             name = name.replace("esea_elbow", "esea_<device>")
             name = re.sub(r"^esea_f32(_tables)?\.h$", r"\1.h", name)
             assert f"`{name}" in page, path
+
+
+def test_the_mapping_on_the_page_is_accepted():
+    page = (DOCS / "identify.md").read_text(encoding="utf-8")
+    (mapping,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert len(parse_mapping(mapping, "mine.toml").condition) == 2
 
 
 # -- words and rooms ------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from esea_gen.cli.names import completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats, option
 from esea_gen.cli.output import progress_line
 from esea_gen.devices import BEST_DRIVE
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.files import result_schema, result_schemas, write_whole
 
 if TYPE_CHECKING:
@@ -136,6 +136,10 @@ def new(
         list[str] | None,
         option("--give KEY=VALUE", "With --short: an answer, such as gear_ratio=50; repeatable."),
     ] = None,
+    motor: Annotated[
+        str | None,
+        option("--motor", "With --short: a motor whose numbers are stored, such as moteus-c1."),
+    ] = None,
     target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
 ) -> None:
     """Write a device file to edit: a commented copy, or with --short a dozen numbers of a drive."""
@@ -148,10 +152,11 @@ def new(
     beside = path.parent / SCHEMA_FILE
     if path.exists():
         raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
-    if give and not short:
-        raise UserError("--give answers the questions of --short.", "Add --short.")
+    if (give or motor) and not short:
+        option_ = "--give" if give else "--motor"
+        raise UserError(f"{option_} answers questions of --short.", "Add --short.")
     if short:
-        text = _short(name, base or BEST_DRIVE, give or [])
+        text = _short(name, base or BEST_DRIVE, give or [], motor)
     else:
         text = copy_device(esea_gen.load_device(base or "elbow"), name).toml()
     fresh = not beside.exists()
@@ -171,31 +176,39 @@ def terminal() -> bool:
     return sys.stdin.isatty()
 
 
-def _short(name: str, base: str, words: list[str]) -> str:
+def _short(name: str, base: str, words: list[str], kit: str | None) -> str:
     from esea_gen.device import parse_device
+    from esea_gen.devices.motors import MOTORS
     from esea_gen.devices.short import (
-        QUESTIONS,
+        questions,
         read_answer,
         read_given,
         refuse_missing,
         short_text,
     )
 
+    if kit is not None:
+        choose("motor", kit, MOTORS)
+    motor = None if kit is None else MOTORS[kit]
     given = read_given(words)
+    if motor is not None:
+        motor.check(given)
+        given = {key: value for key, value, _ in motor.numbers()} | given
+    asked = [q for q in questions(motor) if q.name not in given]
     if not terminal():
-        refuse_missing(given)
-    elif len(given) < len(QUESTIONS):
-        print(f"{len(QUESTIONS)} numbers; Enter takes the one in brackets.")
-    asked = len(given) < len(QUESTIONS)
+        refuse_missing(given, motor)
+    elif asked:
+        print(f"{len(asked)} numbers; Enter takes the one in brackets.")
 
     def repeat() -> str:  # answers that somebody typed are not lost
         rows = "".join(f" \\\n  --give {k}={v:.12g}" for k, v in given.items())
-        again = f"esea-gen new {name} --short --from {base}{rows}"
+        named = "" if kit is None else f" --motor {kit}"
+        again = f"esea-gen new {name} --short --from {base}{named}{rows}"
         return f"To correct one, change it here:\n  {again}"
 
-    for k, q in enumerate(QUESTIONS, 1):
+    for k, q in enumerate(asked, 1):
         while q.name not in given:
-            print(f"\n{k} of {len(QUESTIONS)}. {q}.\n   {q.why}")
+            print(f"\n{k} of {len(asked)}. {q}.\n   {q.why}")
             try:
                 typed = input(f"   {q.name} [{q.typical:g}]: ").strip()
                 given[q.name] = read_answer(q, typed or str(q.typical))
@@ -203,7 +216,7 @@ def _short(name: str, base: str, words: list[str]) -> str:
                 print(f"   {error}")
             except EOFError:
                 raise UserError("No more answers came; nothing was written.", repeat()) from None
-    text = short_text(name, base, given)
+    text = short_text(name, base, given, motor)
     try:
         _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
     except UserError as error:

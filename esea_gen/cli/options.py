@@ -97,7 +97,8 @@ JsonOption = Annotated[
 
 SeedOption = Annotated[int, option("--seed", "Seed of what is drawn at random.", min=0)]
 JournalOption = Annotated[
-    Path | None, option("--resume DIR", "Journal: continue an interrupted run.")
+    Path | None,
+    option("--resume DIR", "Store finished runs in DIR; the same command continues from there."),
 ]
 BlockOption = Annotated[
     list[str] | None, option("--block NAME", "Block; default: all.", autocompletion=complete_block)
@@ -177,8 +178,16 @@ FigureOption = Annotated[
 ]
 
 
+def of_recording(data: Path | None, recording: Path | None) -> Path | None:
+    """``--data``, refused where there is no ``--recording`` that it could belong to."""
+    if data is not None and recording is None:
+        raise UserError("--data without --recording.", "Name the recording, or leave --data out.")
+    return data
+
+
 def recorded_streams(loaded: Device, recording: Path | None, data: Path | None) -> dict[str, Any]:
     """Deflections of ``--recording``, by name; none without it."""
+    data = of_recording(data, recording)
     if recording is None:
         return {}
     from esea_gen.identify import recorded_deflections

@@ -17,6 +17,7 @@ from esea_gen.control.law_switch import law_switch
 from esea_gen.control.limits.block import command_stamp, limits
 from esea_gen.control.limits.monitor import Watched, encoder_monitor, monitor
 from esea_gen.control.limits.redundancy import redundancy
+from esea_gen.control.motor_temperature import motor_temperature
 from esea_gen.control.own_law import wrong_wire
 from esea_gen.control.passivity import passivity
 from esea_gen.control.reference import reference
@@ -134,6 +135,10 @@ EXTRAS = {
     "adaptation": _Extra(
         {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")},
     ),
+    "motor_temperature": _Extra(
+        {"u_thermal_Nm": "motor_temperature.u_thermal_Nm"},
+        outputs={n: f"motor_temperature.{n}" for n in ("winding_C", "case_C", "capacity")},
+    ),
     # Wall and resistance are added to what is wanted.
     "impairment": _Extra(
         {
@@ -150,7 +155,7 @@ EXTRAS = {
     ),
 }
 # What ends the control task, whatever the law.
-LAST = ("redundancy", "stamp")
+LAST = ("redundancy", "motor_temperature", "stamp")
 # One for all axes: the machine is stopped, armed, driven and impaired as a whole.
 SHARED = ("stop", "rearm", "mode", "law", "constrained")
 MEASURED = {
@@ -219,6 +224,7 @@ def _base(device: DeviceData, velocity: Block, sensor: Block, inverse: Callable[
         **({"gear": gear_observer(device)} if redundant else {}),
         "human": extended_state(device),
         **({"redundancy": redundancy(device)} if redundant else {}),
+        **({"motor_temperature": motor_temperature(device)} if device.file.motor_thermal else {}),
         "stamp": command_stamp(device),
     }
     return Base(device, blocks, inverse)

@@ -33,7 +33,7 @@ def check_rubber(file: DeviceFile) -> Iterator[UserError]:
         yield UserError(
             "section elastomer is missing: the coupling has no torque model.",
             "Add [elastomer], as the shipped elbow.toml has it, or a member of the family, "
-            "[family] (docs/identify.md).",
+            "[family] (docs/torque-models.md).",
         )
 
 
@@ -239,6 +239,7 @@ EXTEND = 'Add it, or write extends = "elbow_drive" and give what differs.'
 NEEDS = {
     "redundancy": ("compares the drive with the joint", ("actuator", "joint")),
     "monitor": ("watches a drive's encoders and command", DRIVE),
+    "motor_thermal": ("limits a drive's torque", DRIVE),
     "passivity": ("bounds what a drive gives", DRIVE),
     "adaptation": ("turns what a drive is asked for", DRIVE),
     "cable": ("goes with the motor's own encoder", ("redundancy",)),
@@ -258,6 +259,9 @@ ORDERED = (
     ("redundancy.cable_least_Nm_rad", "redundancy.cable_Nm_rad"),
     ("passivity.least_Nms_rad", "passivity.damping_Nms_rad"),
     ("cable.backlash_rad", "cable.backlash_most_rad"),
+    ("motor_thermal.ambient_C", "motor_thermal.derate_C"),
+    ("motor_thermal.start_C", "motor_thermal.max_C"),
+    ("motor_thermal.ambient_C", "motor_thermal.start_C"),
 )
 
 
@@ -294,6 +298,12 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
                 f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
                 "gains up to there passive.",
             )
+    derate_C, max_C = (values.get(f"motor_thermal.{n}_C") for n in ("derate", "max"))
+    if derate_C is not None and max_C is not None and derate_C > max_C - 1:
+        yield UserError(
+            f"motor_thermal.derate_C = {derate_C:g} is not 1 K below max_C = {max_C:g}.",
+            "Lower derate_C, so that the torque falls over some kelvin.",
+        )
     sense = values["timing.sense_rate_Hz"]
     rate = values.get("timing.control_rate_Hz")
     if rate is None:

@@ -322,6 +322,23 @@ class Monitor(Section):
     )
 
 
+class MotorThermal(Section):
+    """Winding and case of the motor as two thermal nodes, by its data sheet."""
+
+    k_t_Nm_A: Quantity = number(1e-4, 100, "Torque constant at the motor's shaft.")
+    resistance_Ohm: Quantity = number(1e-4, 1e3, "Terminal resistance at 25 degC.")
+    winding_case_K_W: Quantity = number(0.2, 100, "Thermal resistance from winding to case.")
+    case_ambient_K_W: Quantity = number(0.1, 100, "Thermal resistance from case to ambient.")
+    winding_s: Quantity = number(1, 1e4, "Thermal time constant of the winding.")
+    case_s: Quantity = number(100, 1e5, "Thermal time constant of the motor.")
+    ambient_C: Quantity = number(-20, 80, "Hottest surroundings.")
+    derate_C: Quantity = number(30, 200, "Winding above which the torque limit falls.")
+    max_C: Quantity = number(40, 220, "Largest of the winding: above it the limits latch.")
+    start_C: Quantity | None = optional(
+        -20, 220, "Both nodes at a start; without the key as hot as they may have become."
+    )
+
+
 class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
@@ -441,6 +458,9 @@ class DeviceFile(Section):
     monitor: Monitor | None = table(
         "Roughness and stuck bits of the joint encoders, and a motor that swings between its "
         "limits; left out, none of these is found by itself."
+    )
+    motor_thermal: MotorThermal | None = table(
+        "Winding and case of the motor, which limit its torque; left out, nothing limits heating."
     )
     passivity: PassiveInteraction | None = table(
         "Damping that a law lacks, and a bound of the energy that the drive gives; "

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from esea_gen.devices.fields import field_facts
+from esea_gen.devices.motors import MotorKit
 from esea_gen.devices.numbers import Quantity, beyond, toml_entry
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import unit_of
@@ -89,9 +90,17 @@ def read_given(words: list[str]) -> dict[str, float]:
     return {name: read_answer(known[name], value) for name, value in pairs}
 
 
-def refuse_missing(given: Mapping[str, float]) -> None:
+def questions(motor: MotorKit | None) -> tuple[DeviceQuestion, ...]:
+    """All of them; of a motor that is named, the gear is an example that suits it."""
+    if motor is None:
+        return QUESTIONS
+    fits = {"gear_ratio": motor.gear_ratio}
+    return tuple(replace(q, typical=fits.get(q.name, q.typical)) for q in QUESTIONS)
+
+
+def refuse_missing(given: Mapping[str, float], motor: MotorKit | None = None) -> None:
     """Reject an incomplete set of answers; the error lists what is missing."""
-    if missing := [q for q in QUESTIONS if q.name not in given]:
+    if missing := [q for q in questions(motor) if q.name not in given]:
         rows = "\n".join(f"  --give {q.name}={q.typical:g}   {q}" for q in missing)
         raise UserError(
             f"{len(missing)} of {len(QUESTIONS)} numbers are missing, and nobody is there to ask.",
@@ -99,8 +108,13 @@ def refuse_missing(given: Mapping[str, float]) -> None:
         )
 
 
-def short_text(name: str, base: str, given: Mapping[str, float]) -> str:
-    """The device file."""
+def short_text(
+    name: str, base: str, given: Mapping[str, float], motor: MotorKit | None = None
+) -> str:
+    """The device file; what is a motor's own has its source, and the drive's settings follow."""
+    sources = {}
+    if motor is not None:
+        sources = {k: s for k, value, s in motor.numbers() if given[k] == value}
     lines = [
         f"# Device file of esea-gen. These {len(QUESTIONS)} numbers are yours; every other one is "
         f"scaled from {base} to fit them,",
@@ -113,7 +127,13 @@ def short_text(name: str, base: str, given: Mapping[str, float]) -> str:
     for q in sorted(QUESTIONS, key=lambda q: q.key.partition(".")[0]):
         if section != (section := q.key.partition(".")[0]):
             lines.append(f"\n[{section}]")
-        source = "yours; write here where it comes from"
-        quantity = Quantity(value=given[q.name], status="assumed", source=source)
+        source = sources.get(q.name, "yours; write here where it comes from")
+        known = "published" if q.name in sources else "assumed"
+        quantity = Quantity.model_validate(
+            {"value": given[q.name], "status": known, "source": source}
+        )
         lines += [f"# {q.text}. {q.why}", toml_entry(q.name, quantity, whole=q.facts["whole"])]
+    if motor is not None:
+        lines += ["", f"# Settings of the {motor.name} that go with these numbers:"]
+        lines += [f"#   {line}" for line in motor.settings(given)]
     return "\n".join(lines) + "\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -86,6 +87,12 @@ def _emitted(system: System, fmt: Format) -> Emitted:
     return kept[fmt]
 
 
+@lru_cache(maxsize=4)
+def _without_hash(system: System, fmt: Format, title: str) -> list[tuple[str, str]]:
+    # A file carries the hash, so it is taken as it is without one.
+    return sorted(Renderer(system, fmt, "", "", title).folder().items())
+
+
 def content_hash(
     system: System,
     device_digest: str,
@@ -108,8 +115,7 @@ def content_hash(
         put(path.name)
         put(path.read_text(encoding="utf-8"))
     for fmt in formats:
-        # A file carries the hash, so it is taken as it is without one.
-        for name, text in sorted(Renderer(system, fmt, "", "", title).folder().items()):
+        for name, text in _without_hash(system, fmt, title):
             put(name)
             put(text)
     return h.hexdigest()[:16]

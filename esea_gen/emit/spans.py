@@ -74,9 +74,9 @@ class Span:
 
     @property
     def content(self) -> Hashable:
-        ends = self.reach or ()
-        arrays = (self.low, self.high, self.a, self.r, *(np.asarray(x) for x in ends))
-        return (*(x.tobytes() for x in arrays), self.whole, self.signed)
+        ends = [x.tobytes() if isinstance(x, np.ndarray) else x for x in self.reach or ()]
+        arrays = self.low, self.high, self.a, self.r
+        return (*(x.tobytes() for x in arrays), *ends, self.whole, self.signed)
 
 
 def span(low: float, high: float, error: float, boxes: int) -> Span:
@@ -98,25 +98,15 @@ class Known:
     given: dict[int, dict[Hashable, Span]] = field(default_factory=dict)
     points: dict[int, Span] = field(default_factory=dict)  # constants, and what nothing follows
     setting: Any = None  # what else the analyses share, made by the first
+    matrix: tuple[Any] | None = None  # of a linear Block, or that it has none
 
     def one(self, where: int, x: Span) -> Span:
-        return _latest(self.given.setdefault(where, {}), x.content, lambda: x)
-
-    def result(
-        self, i: int, key: Hashable, make: Callable[[], tuple[Span, str]]
-    ) -> tuple[Span, str]:
-        """The result of node ``i``, made where it is not known."""
-
-        def made() -> tuple[Span, str]:
-            x, assumption = make()
-            return self.one(i, x), assumption
-
-        return _latest(self.results.setdefault(i, {}), key, made)
+        known, key = self.given.setdefault(where, {}), x.content
+        return _keep(known, key, known.pop(key, x))
 
 
-def _latest(known: dict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
+def _keep(known: dict[Hashable, T], key: Hashable, found: T) -> T:
     # What is asked for moves to the end; of too many the one that was asked for longest ago goes.
-    found = known.pop(key) if key in known else make()
     known[key] = found
     if len(known) > MOST_KNOWN:
         del known[next(iter(known))]
@@ -177,6 +167,8 @@ def _add(x: Span, y: Span) -> Span:
     total = x.error + y.error
     # Where nothing cancels the relative errors do not grow: that form, unless it is far worse.
     alike = ((x.low >= 0) & (y.low >= 0)) | ((x.high <= 0) & (y.high <= 0))
+    if not alike.any():
+        return Span(low, high, total, _none(x))
     a, r = x.a + y.a, np.maximum(x.r, y.r)
     relative = alike & (a + r * np.maximum(np.abs(low), np.abs(high)) <= 2 * total)
     return Span(low, high, np.where(relative, a, total), np.where(relative, r, 0.0))
@@ -286,6 +278,8 @@ def _either(x: Span, y: Span, low: Array, high: Array) -> Span:
 def _select(c: Span, x: Span, y: Span) -> Span:
     first, second = c.low == 1, c.high == 0
     both = _either(x, y, np.minimum(x.low, y.low), np.maximum(x.high, y.high))
+    if not (first | second).any():
+        return both
 
     def pick(p: Array, q: Array, else_: Array) -> Array:
         return np.where(first, p, np.where(second, q, else_))
@@ -419,9 +413,13 @@ def propagate(
             values.append(known.one(i, solved[i]))
             continue
         v = [values[k] for k in n.args]
-        make = partial(_result, rounding, i, v, facts.get(i), i in numeric)
-        with np.errstate(all="ignore"):
-            value, said = known.result(i, (rounding.key(i), i in numeric, *v), make)
+        earlier, key = known.results.setdefault(i, {}), (rounding.key(i), i in numeric, *v)
+        found = earlier.pop(key, None)
+        if found is None:
+            with np.errstate(all="ignore"):
+                value, said = _result(rounding, i, v, facts.get(i), i in numeric)
+            found = known.one(i, value), said
+        value, said = _keep(earlier, key, found)
         values.append(value)
         if said:
             assumptions.append(said)
@@ -435,7 +433,9 @@ def _result(
     kernel = rounding.kernel
     n = kernel.nodes[i]
     stored = rounding.stored(i)
-    v = [Span(x.low, x.high, x.a + stored[k], x.r) if k in stored else x for k, x in enumerate(v)]
+    if stored:
+        more = [stored.get(k) for k in range(len(v))]
+        v = [Span(x.low, x.high, x.a + e, x.r) if e else x for x, e in zip(v, more, strict=True)]
     if n.op in COMPARES:
         found = _decided(n.op, *v)
         open_ = numeric and bool(np.any(found.low != found.high)) and not rounding.settled(i, v)
@@ -443,7 +443,7 @@ def _result(
     if n.op in BOOLEAN:
         return _logic(n.op, v), ""
     x = rounding.finished(i, v, _cut(_ruled(rounding, n, v), fact))
-    if not np.all(np.isfinite(x.error) & np.isfinite(x.magnitude)):
+    if not np.isfinite(x.error + x.magnitude).all():
         raise RangeError(f"{kernel.name}: value v{i} ({n.op}) has no finite range")
     return x, ""
 

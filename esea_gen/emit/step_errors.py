@@ -233,7 +233,8 @@ def bound_of(step: StepErrors, name: str) -> Bound:
         for p, e in zip(block.state, solved, strict=True)
     )
     if (solved is None or idle) and is_linear(step.kernel, len(block.coefficients)):
-        solved, idle = linear_bound(block, step.state_errors(step.once(step.zero)[0])), False
+        local = step.state_errors(step.once(step.zero)[0])
+        solved, idle = linear_bound(block, local, step.known), False
         taken = ("no clip of a state acts", "no invalid input is bridged")
         method, extra = "linear", tuple(f"{block.name}: {x}" for x in taken)
     if solved is None or idle:
@@ -397,8 +398,11 @@ def started_flags(block: Block) -> list[int]:
     return [k for k, name in enumerate(names) if name == "primed"]
 
 
-def linear_bound(block: Block, local: Errors) -> Errors | None:
-    a = state_matrix(block)
+def linear_bound(block: Block, local: Errors, known: Known | None = None) -> Errors | None:
+    known = known or Known()
+    if known.matrix is None:
+        known.matrix = (state_matrix(block),)
+    (a,) = known.matrix
     if a is None or np.max(np.abs(np.linalg.eigvals(a))) >= 1:
         return None
     d = np.concatenate([np.asarray(e) for e in local])

@@ -195,11 +195,14 @@ def make_fmu(model: ExportedModel, fmi: Version = "3", platforms: Sequence[Platf
     texts = sources(model, fmi)
     (token,) = re.findall(r'MODEL_TOKEN "(\w+)"', texts["model.h"])
     libm = ("-lm",) if model.renderer.fmt.needs_libm else ()
-    given = texts | _headers(fmi), (*_FLAGS, _PLAIN), libm
+    given = texts | _headers(fmi), (*_FLAGS, _PLAIN)
     binaries: dict[str, list[bytes]] = {}
     for p in platforms or (this_platform(),):
-        path = f"binaries/{p.name if fmi == '3' else p.fmi2}/{model.identifier}{p.suffix}"
-        built = compile_sources(*given, p.zig if platforms else "").read_bytes()
+        name = f"{model.identifier}{p.suffix}"
+        path = f"binaries/{p.name if fmi == '3' else p.fmi2}/{name}"
+        # By default macOS' linker writes the scratch folder's path into the file.
+        link = (*libm, f"-Wl,-install_name,@rpath/{name}") if p.suffix == ".dylib" else libm
+        built = compile_sources(*given, link, p.zig if platforms else "").read_bytes()
         binaries.setdefault(path, []).append(built)
     page = model.renderer.render("export/fmu/index.html.j2", model=model, fmi=fmi)
     files = {f"sources/{name}": text.encode() for name, text in texts.items()}

@@ -45,6 +45,10 @@ UNIT_SUFFIXES = {
     "_J": "J",
     "_W": "W",
     "_C": "degC",
+    "_K_W": "K/W",
+    "_Ohm": "Ohm",
+    "_Nm_A": "Nm/A",
+    "_Nm2": "Nm^2",
     "per_K": "1/K",
 }
 

@@ -29,7 +29,7 @@ from esea_gen.model.forward import REQUEST_ROOM, request_port
 RESIDUAL_SHARE = 5e-6
 # Below this share of it a Newton step would only chase rounding.
 AT_REST = 0.1
-# With 8 a jump over the whole range leaves up to 0.04 Nm, with 5 some Nm (docs/identify.md).
+# With 8 a jump over the whole range leaves up to 0.04 Nm, with 5 some Nm.
 STEPS = 12
 
 

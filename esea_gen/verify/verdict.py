@@ -122,6 +122,43 @@ class Verification:
         least = {k: min(100 * b.outputs[k] / scale[k] for b in domains) for k in sorted(names)}
         return {k: v for k, v in least.items() if v >= NOTHING_TOLD_PERCENT}
 
+    def verdict(self) -> str:
+        """One line: PASS, PASS with outputs whose bound proves nothing, or FAIL with the Blocks."""
+        blocks = list(dict.fromkeys(c.block for c in self.comparisons))
+        of = ", ".join(blocks) if len(blocks) < 3 else f"{len(blocks)} Blocks"
+        failed = dict.fromkeys(f"{c.block} {c.real}" for c in self.comparisons if not c.passed)
+        if failed:
+            return f"verdict: FAIL. The C differs from the symbolic model in {', '.join(failed)}."
+        program = any(c.rule == EXACT_PROGRAM for c in self.comparisons)
+        said = []
+        for real in dict.fromkeys(c.real for c in self.comparisons):
+            worst = {
+                f"{b}.{port}": 100 * e / self.full_scales[b][port]
+                for b in blocks
+                for port, e in self.worst(real, b).items()
+            }
+            port = max(worst, key=lambda k: worst[k])
+            said.append(
+                f"f64 equals CasADi's C{' or the executor of its Program' * program} bit for bit"
+                if real == "f64"
+                else f"{real} is within every limit, at most {worst[port]:.2g} % of full scale "
+                f"from the model ({port})"
+            )
+        wide = {
+            f"{b}.{port}": f"{percent:.0f} %"
+            for b in self.bounds
+            for port, percent in self.telling_nothing(b).items()
+        }
+        if not wide:
+            return f"verdict: PASS. {of}: {'; '.join(said)}."
+        return (
+            f"verdict: PASS, {len(wide)} output{'s' * (len(wide) > 1)} tested but not proven. "
+            f"{of}: {'; '.join(said)}. Not proven, because the derived bound is wider than the "
+            "output's range: "
+            + ", ".join(f"{port} ({percent} of full scale)" for port, percent in wide.items())
+            + "."
+        )
+
     def worst(self, real: str, block: str) -> dict[str, float]:
         """Largest error per port of a Block in a format, over all streams.
 

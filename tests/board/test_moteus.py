@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-import os
-import pty
-import re
-import threading
-import tty
 from contextlib import contextmanager
 
 import numpy as np
@@ -20,10 +15,9 @@ from moteus.protocol import Register, Writer, scale_register
 
 import esea_gen
 from esea_gen.board.moteus import MoteusDrive
-from esea_gen.board.sim import SimBoard
 from esea_gen.emit.states import BOARD_FAULTS
-from esea_gen.targets import firmware_folder
 from esea_host.simulated.moteus import MoteusJoint
+from tests.moteus_bench import MoteusBoard
 
 FAULTS = {f.name: f.value for f in BOARD_FAULTS}
 FIELDS = {
@@ -145,31 +139,17 @@ def test_the_emulated_drive_answers_any_line(given_):
 
 
 class Bench:
-    """The firmware's application with the driver, and the drive at the other end of the line."""
+    """A board, and a virtual joint at its drive."""
 
-    def __init__(self, board, joint, ours):
-        self.board, self.joint, self._ours, self._heard = board, joint, ours, b""
-        self.cut = False
-
-    def answer(self):
-        """The drive takes what has come."""
-        try:
-            self._heard += os.read(self._ours, 65536)
-        except BlockingIOError:
-            return
-        *lines, self._heard = self._heard.split(b"\n")
-        for text in lines:
-            said = self.joint.drive.line(text.decode())
-            if not self.cut:
-                os.write(self._ours, said.encode())
+    def __init__(self, board):
+        self.board, self.joint = board, board.joint
 
     def ticks(self, count=1, wish_Nm=None):
         for k in range(count):
             if wish_Nm is not None and k % 5 == 0:
                 self.board.want(mode=1.0, tau_desired_Nm=wish_Nm)
             self.board.step()
-            self.answer()
-            self.joint.tick()
+            self.joint.move()
 
     @property
     def state(self):
@@ -177,50 +157,20 @@ class Bench:
 
 
 @contextmanager
-def bench(person="none", rotor_side=False, **settings):
+def bench(person="none", rotor_side=False, can=False, **settings):
     joint = MoteusJoint("elbow_drive", person=person, rotor_side=rotor_side)
     joint.drive.settings |= settings
-    ours, theirs = pty.openpty()
-    tty.setraw(theirs)
-    os.set_blocking(ours, False)
-    folder = firmware_folder() / "boards" / "linux"
-    driver = re.sub(r'#include "drive.h"\n', (folder / "drive.h").read_text().replace("\\", r"\\"),
-                    (folder / "drive.c").read_text())  # fmt: skip
-    driver = "#define _GNU_SOURCE\n" + driver
-    driver += f"""
-    #include <stdlib.h>
-    void esea_board_drivers(esea_port_t *port)
-    {{
-        if (!drive_open(port, "serial:{os.ttyname(theirs)}", {str(rotor_side).lower()}))
-            port->notice = "refused";
-    }}
-    """
-    over = threading.Event()
-    made = Bench(None, joint, ours)
-
-    def serve():  # until the board has started
-        while not over.wait(0.0005):
-            made.answer()
-
-    server = threading.Thread(target=serve)
-    server.start()
+    board = MoteusBoard(esea_gen.load_device("elbow_drive"), joint, rotor_side, can)
     try:
-        made.board = SimBoard(esea_gen.load_device("elbow_drive"), drivers=driver)
+        yield Bench(board)
     finally:
-        over.set()
-        server.join()
-    try:
-        yield made
-    finally:
-        made.board.close()
-        os.close(ours)
-        os.close(theirs)
+        board.close()
 
 
 @contextmanager
-def driven(person="none", wish_Nm=0.5):
+def driven(person="none", wish_Nm=0.5, can=False):
     """Zeroed, armed, and at a torque."""
-    with bench(person) as it:
+    with bench(person, can=can) as it:
         it.ticks(50)
         it.board.zero()
         it.ticks(250)
@@ -232,9 +182,10 @@ def driven(person="none", wish_Nm=0.5):
         yield it
 
 
-@pytest.mark.parametrize("wish_Nm", [0.5, -0.5])
-def test_from_zero_to_torque_and_a_stop(wish_Nm):
-    with driven(wish_Nm=wish_Nm) as it:
+@pytest.mark.parametrize(("wish_Nm", "can"), [(0.5, False), (-0.5, False), (0.5, True)])
+def test_from_zero_to_torque_and_a_stop(wish_Nm, can):
+    """Of SocketCAN the kernel's calls are a stand-in's."""
+    with driven(wish_Nm=wish_Nm, can=can) as it:
         assert it.joint.plant.truth()["tau_e_Nm"] == pytest.approx(wish_Nm, abs=0.15)
         assert it.board.info().board.rstrip("\0") == "linux-sim"  # so that it is marked simulated
         gave = it.joint.drive.torque_Nm
@@ -255,7 +206,7 @@ def test_a_dead_drive_latches_within_its_bound():
 
 def test_an_unplugged_cable_ends_the_torque_at_both_ends():
     with driven() as it:
-        it.cut = True  # the drive hears, the board does not
+        it.board.cut = True  # the drive hears, the board does not
         it.ticks(7)
         assert it.state == "FAULT"
         assert it.joint.drive.torque_Nm == 0.0
@@ -285,9 +236,9 @@ def test_a_drive_that_was_away_is_not_armed_on_the_turns_it_forgot():
             it.ticks(50)
             it.board.zero()
             it.ticks(250)
-            it.cut = True
+            it.board.cut = True
             it.ticks(away)
-            it.cut = False
+            it.board.cut = False
             it.joint.drive.restart()
             it.ticks(10)
             assert it.state == "FAULT"
@@ -305,9 +256,9 @@ def test_without_an_encoder_on_the_motor_side_no_zero_is_kept(capfd):
 
 def test_late_answers_are_bridged_and_then_stop():
     with driven() as it:
-        it.cut = True
+        it.board.cut = True
         it.ticks(3, 0.5)
-        it.cut = False
+        it.board.cut = False
         it.ticks(50, 0.5)
         assert it.state == "ACTIVE"
 

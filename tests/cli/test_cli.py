@@ -58,7 +58,7 @@ def test_verify_writes_json(tmp_path):
     require_tool("gcc")
     done = run("verify", "elbow", "--real", "f64", "--json", "v.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "bit for bit" in done.stdout
+    assert re.search(r"^verdict: PASS\. 3 Blocks: .*bit for bit\.\nnext: ", done.stdout)
     content = json.loads((tmp_path / "v.json").read_text())
     assert content["passed"] is True
     assert all(c["bit_identical_to_casadi_c"] for c in content["comparisons"])
@@ -78,6 +78,7 @@ def test_verify_writes_json(tmp_path):
         (["emulate", "elbow", "--board", "arduino"], ["arduino", "netduinoplus2"]),
         (["identify", "none.toml"], ["none.toml"]),
         (["report", "elbow", "--recording", "none.toml"], ["none.toml"]),
+        (["report", "elbow", "--data", "."], ["--data without --recording"]),
         (["verify", "soft.toml", "--real", "f32"], ["soft.toml", "no finite float32 bound"]),
         (["build", "elbow", "--out", "a-file/x"], ["a-file", "--out"]),
         (

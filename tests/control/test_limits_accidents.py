@@ -113,7 +113,9 @@ def accident_row(device: Device, case: str) -> str:
     "case", ["sensors good", *(pytest.param(c, marks=pytest.mark.ci) for c in list(LIES)[1:])]
 )
 def test_the_limits_alone_do_what_the_page_says(drive, case):
-    assert accident_row(drive, case) in (ROOT / "docs" / "limits.md").read_text(encoding="utf-8")
+    assert accident_row(drive, case) in (ROOT / "docs" / "fault-injection.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_honest_sensors_end_an_accident(drive):

@@ -52,7 +52,7 @@ def hdrb() -> Identification:
 
 def test_real_rubber_end_to_end(hdrb: Identification) -> None:
     report = hdrb.to_dict()
-    # Measured 3.78 % and 3.72 %; by block 2.5, 3.7, 3.0 and 5.7 % (docs/identify.md).
+    # Measured 3.78 % and 3.72 %; by block 2.5, 3.7, 3.0 and 5.7 %.
     assert report["mean_rms"]["training_percent"] < 4.0
     assert report["mean_rms"]["held_out_percent"] < 4.0
     held = [s["held_out"]["rms_percent"] for s in report["sets"]]

@@ -409,7 +409,7 @@ def _each_reason(code: Fault) -> Callable[[Step], str]:
 POSSIBLE: dict[str, Callable[[Step], str]] = {
     "full torque": _runs_up,
     "release": _is_released,
-    **{f"reason {int(f)}": _each_reason(f) for f in Fault if f > Fault.NOT_ARMED},
+    **{f"reason {int(f)}": _each_reason(f) for f in Fault if Fault.NOT_ARMED < f < Fault.MOTOR_HOT},
 }
 
 

@@ -16,7 +16,7 @@ N = 6000
 T = np.arange(N) / 1000
 WINDOW = slice(1000, 6000)  # 5 s
 U_MAX_NM = 0.2
-RATE_LIMITED_BIT = 12  # the word's thirteenth flag, in docs/limits.md and the dialect
+RATE_LIMITED_BIT = 12  # the word's thirteenth flag, in the dialect
 
 
 def made(mode=TORQUE, **plant):

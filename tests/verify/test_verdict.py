@@ -155,3 +155,19 @@ def test_the_worst_of_each_port_and_bounds_that_tell_nothing():
     assert told["f32_bounds"]["a"]["inside"]["holds_for"] == LASTING
     bounds["a"]["inside"].outputs["y"] = 1.9
     assert found.telling_nothing("a") == found.telling_nothing("b") == {}
+
+
+def test_one_verdict_line_names_what_is_not_proven_and_what_failed():
+    def verdict(wide: float, **more) -> str:
+        both = [comparison("a", "f64", {"y": 0.0}, bit_identical=True)]
+        both.append(comparison("a", "f32", {"y": 0.5}, **more))
+        bounds = {"a": {"all": Bound("f32", math.inf, {"y": wide}, {}, "linear", ())}}
+        return Verification("d", "-", both, bounds, {}, {"a": {"y": 2.0}}).verdict()
+
+    assert verdict(1.0).startswith("verdict: PASS. a: f64 equals CasADi's C bit for bit; f32")
+    assert "at most 25 % of full scale from the model (a.y)." in verdict(1.0)
+    assert "PASS, 1 output tested but not proven" in verdict(22.0)
+    assert verdict(22.0).endswith("a.y (1100 % of full scale).")
+    failed = verdict(22.0, problems=["wrong"])
+    assert failed == "verdict: FAIL. The C differs from the symbolic model in a f32."
+    assert {len(x.splitlines()) for x in (verdict(1.0), verdict(22.0), failed)} == {1}

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.faults import DOUBTS, FAULT_CODES, Fault, limit_status
+from esea_gen.control.limits.faults import DOUBTS, FAULT_CODES, OPTIONAL, limit_status
 from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
 from esea_gen.control.limits.safety import (
     SLOTS,
@@ -93,6 +93,7 @@ class _Limits:
     def __init__(self, device: DeviceData) -> None:
         n = self.n = LimitNumbers(device)
         self.watched = device.file.monitor is not None
+        self.warms = device.file.motor_thermal is not None
         self.h = n.h
         self.equations = equations(EQUATIONS)
 
@@ -154,7 +155,8 @@ class _Limits:
         )
 
     def _ports(self, n: LimitNumbers) -> None:
-        last_code = float(max(Fault))
+        codes = FAULT_CODES if self.warms else FAULT_CODES[: -len(OPTIONAL)]
+        last_code = float(codes[-1].value)
         self.state = (
             Port("key", 0.0, RELEASED_KEY, "0 latched, one odd number released, else corrupt"),
             Port("fault_stored", 0, last_code, "reason of the latch, 0 released", init=1.0),
@@ -173,6 +175,7 @@ class _Limits:
         )
         doubts = "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"
         delivered = "stamp of that command; 0 none delivered"
+        left = "motor torque that the motor's temperature leaves; 0 latches"
         counted = "whole number, one more for each request; 0 follows 7"
         motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
         self.inputs = (
@@ -193,6 +196,7 @@ class _Limits:
             LATE_LEVEL,
             COEFFS_OK,
             *((Port("doubt", 0, len(DOUBTS), doubts),) if self.watched else ()),
+            *((Port("u_thermal_Nm", 0.0, n.u_max, left),) if self.warms else ()),
         )
         most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
         reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
@@ -201,7 +205,7 @@ class _Limits:
             around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
             around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
             Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
-            Port("fault", 0, float(max(Fault)), reason, codes=FAULT_CODES),
+            Port("fault", 0, last_code, reason, codes=codes),
             limit_status(n.energy_max),
         )
 
@@ -218,6 +222,7 @@ class _Limits:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         u.doubt = u.doubt if self.watched else ca.SX(0)
+        u.u_thermal_Nm = u.u_thermal_Nm if self.warms else None
         return limit_step(self.n, self.coefficients, c, s, u, guard, label)
 
 

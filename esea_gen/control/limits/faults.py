@@ -29,6 +29,7 @@ class Fault(IntEnum):
     SWINGS = 16
     ROUGH = 17
     STUCK_BIT = 18
+    MOTOR_HOT = 19
 
 
 SAME = "the same step"
@@ -125,10 +126,16 @@ FAULTS = {
         "the monitor's status word says which side: its wiring, then the encoder",
         "a slow motion of twice the bit's weight, or 32 times the noise if that is more",
     ),
+    Fault.MOTOR_HOT: (
+        "the motor's winding is hotter than it may become",
+        "wait until it has cooled; less torque or longer rests",
+        "the next control run and its release",
+    ),
 }
 DOUBTS = (Fault.SWINGS, Fault.ROUGH, Fault.STUCK_BIT)  # by what ``doubt`` is, from 1
 FAULT_TEXT = {f: text for f, (text, _, _) in FAULTS.items()}
 FAULT_CODES = tuple(Code(f.name, int(f), *row) for f, row in FAULTS.items())
+OPTIONAL = (Fault.MOTOR_HOT,)  # of devices whose file has its section, at the end
 
 
 def limit_status(energy_max: float) -> Port:

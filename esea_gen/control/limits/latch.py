@@ -66,7 +66,7 @@ def limit_step(
     bits += [causes[Fault(k)] for k in (3, 4, 6, 7, 8, 9, 10, 11, 12)]
     acts = ca.logic_and(latch.run, push.on)
     bits += [
-        ca.logic_and(acts, ca.fabs(u.u_command_Nm) > c.u_max_Nm),
+        ca.logic_and(acts, ca.fabs(u.u_command_Nm) > _most(c, u)),
         ca.logic_and(latch.run, ca.logic_not(push.followed == push.shaped)),
         *(ca.logic_and(acts, held) for held in push.held_back),
         latch.refused,
@@ -182,7 +182,7 @@ def _causes(
         # What stands in for an invalid input must not raise a flag of its own.
         return ca.logic_and(guard.inputs_ok, _any(beyond))
 
-    return {
+    causes = {
         Fault.STATE_CORRUPT: ca.logic_not(m.trusted),
         Fault.TUNABLE_INVALID: ca.logic_not(m.tunables_ok),
         Fault.STOP: ca.logic_not(u.stop == 0),
@@ -201,6 +201,8 @@ def _causes(
         Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok == 1),
         **{fault: u.doubt == k for k, fault in enumerate(DOUBTS, 1)},
     }
+    hot = {} if u.u_thermal_Nm is None else {Fault.MOTOR_HOT: ca.logic_not(u.u_thermal_Nm > 0)}
+    return causes | hot
 
 
 def _latch(
@@ -234,11 +236,16 @@ def _latch(
     return SimpleNamespace(run=run, fault=fault, rearm=rearm, refused=refused)
 
 
+def _most(c: Any, u: Any) -> Any:
+    return c.u_max_Nm if u.u_thermal_Nm is None else ca.fmin(c.u_max_Nm, u.u_thermal_Nm)
+
+
 def _command(n: LimitNumbers, c: Any, s: Any, u: Any, label: Labels) -> SimpleNamespace:
     """[lim 1, lim 2]: the command clipped, faded out towards the ends, and rate-limited."""
     on = ca.logic_not(u.mode == OFF)
     wanted = ca.if_else(on, u.u_command_Nm, 0.0)
-    clipped = label("u_clipped_Nm", clip(wanted, -c.u_max_Nm, c.u_max_Nm), "torque")
+    most = _most(c, u)
+    clipped = label("u_clipped_Nm", clip(wanted, -most, most), "torque")
     fastest_up = ca.fmax(u.omega_load_rad_s, u.omega_motor_rad_s)
     fastest_down = ca.fmin(u.omega_load_rad_s, u.omega_motor_rad_s)
     rom_up = ca.fmax(c.rom_gain_Nm_rad * (c.rom_max_rad - u.theta_load_rad), 0)

@@ -34,6 +34,8 @@ class _Joint:
         self.x["sensing_ok"][:] = 1
         self.x["clock_ok"][:] = 1
         self.x["coeffs_ok"][:] = 1
+        if "u_thermal_Nm" in self.ports:
+            self.x["u_thermal_Nm"][:] = self.ports["u_thermal_Nm"].high
         self.x["theta_load_rad"][:] = self.middle
         self.x["theta_motor_rad"][:] = self.middle + self.bent
         self.x["theta_rad"][:] = self.bent
@@ -103,6 +105,7 @@ def _faults(block: Block, rng: np.random.Generator) -> Stream:
         {"coeffs_ok": 0.5},
     ]
     causes += [{"doubt": v} for v in (0.5, 1.0, 2.0, 3.0) if "doubt" in j.ports]
+    causes += [{"u_thermal_Nm": 0.0}] if "u_thermal_Nm" in j.ports else []
     causes += [{"theta_rad": v} for v in _above(t["theta_max_rad"])]
     causes += [{"theta_motor_rad": middle + v} for v in _above(t["theta_max_rad"])]
     causes += [{"tau_Nm": v} for v in _above(t["tau_max_Nm"])]
@@ -150,6 +153,7 @@ def _causes_together(block: Block, rng: np.random.Generator) -> Stream:
         {"coeffs_ok": 0.0},
     ]
     causes += [{"doubt": 1.0}] if "doubt" in j.ports else []
+    causes += [{"u_thermal_Nm": 0.0}] if "u_thermal_Nm" in j.ports else []
     states = {p.name: p.size for p in block.state}
     injections: dict[int, dict[str, Array]] = {}
     for k, one in enumerate(causes):
@@ -181,6 +185,8 @@ def _held_back(block: Block, rng: np.random.Generator) -> Stream:
         fast = share * t["omega_max_rad_s"] * wave
         j.put(width, omega_load_rad_s=fast, omega_motor_rad_s=0.5 * fast)
         j.put(width, omega_load_rad_s=-0.5 * fast, omega_motor_rad_s=fast)
+    if "u_thermal_Nm" in j.ports:
+        j.put(200, u_thermal_Nm=0.3 * t["u_max_Nm"])
     j.put(40, mode=0.0)  # off is no fault: the command is ramped down
     j.put(20, mode=2.0)
     return j.stream("held back by range of motion and speed")

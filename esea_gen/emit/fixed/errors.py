@@ -43,7 +43,7 @@ class FixedRounding(Rounding):
         # What is emitted never leaves its proven interval.
         own = self.lowered.values[i]
         assert own is not None
-        return float(own.low), float(own.high)
+        return own.reach
 
     def read(self, i: int, x: Span) -> Span:
         """An input; a coefficient, which passes no check, has its raw range."""
@@ -59,7 +59,7 @@ class FixedRounding(Rounding):
         """Errors of its own, and the range."""
         own = self.lowered.values[i]
         assert own is not None
-        return own.local, own.relative, tuple(own.constants.items()), *self._reach(i)
+        return own.rounding
 
     def exponent_error(self, exponent: float) -> float:
         """Half of 2^-27."""
@@ -70,15 +70,16 @@ class FixedRounding(Rounding):
         own = self.lowered.values[i]
         assert own is not None
         more = 1 + own.relative
-        found = Span(x.low, x.high, x.a * more + own.local, x.r * more + own.relative)
+        a, r = x.a * more + own.local, x.r * more + own.relative
         # Away from zero a small absolute error is carried as a relative one: products and quotients
         # of wide intervals then keep it small, where an absolute one would meet the other's
         # largest.
-        least = np.minimum(np.abs(x.low), np.abs(x.high))
         away = (x.low > 0) | (x.high < 0)
-        share = found.a / np.where(away, least, 1.0)
-        use = away & (share <= np.maximum(8 * found.r, 2.0**-30))
-        a, r = np.where(use, 0.0, found.a), np.where(use, found.r + share, found.r)
+        if away.any():
+            least = np.minimum(np.abs(x.low), np.abs(x.high))
+            share = a / np.where(away, least, 1.0)
+            use = away & (share <= np.maximum(8 * r, 2.0**-30))
+            a, r = np.where(use, 0.0, a), np.where(use, r + share, r)
         return Span(x.low, x.high, a, r, self._reach(i))
 
     def settled(self, i: int, operands: Sequence[Span]) -> bool:

@@ -139,7 +139,7 @@ class Lowering(Elementary):
             name = local_name(name, v.fraction)
         name = self._unused(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
-        return Value(ex.named(name, v.expr), v.fraction, v.local, v.relative, v.constants)
+        return v.called(name)
 
     def _convert(
         self, i: int, f: FieldPlan, cut: bool, saturations: list[str]

@@ -92,7 +92,8 @@ def _still_bounded(
         plan = planner.plan(wide)
         step = Propagation(plan, room=room, known=planner.known[room])
         if found.linear:
-            summed = linear_bound(block, step.state_errors(step.once(step.zero)[0]))
+            local = step.state_errors(step.once(step.zero)[0])
+            summed = linear_bound(block, local, step.known)
             assert summed is not None
             errors = summed
         result, _ = step.once(errors)
@@ -316,7 +317,15 @@ def _searched(planner: Planner) -> BlockPlan:
     if not best.wide or not math.isfinite(score):
         return best
     ceiling = max(1.0, 1.02 * score)
-    for i in sorted(best.wide):
-        fewer = {k: r for k, r in best.why_wide.items() if k != i}
-        best = _still_bounded(planner, fewer, found, ceiling) or best
+    # Back to 32 bits as many together as may be, for most may: where one too many does, the halves.
+    waiting, many = sorted(best.wide), 1
+    while waiting:
+        group = waiting[:many]
+        fewer = {k: r for k, r in best.why_wide.items() if k not in group}
+        narrower = _still_bounded(planner, fewer, found, ceiling)
+        if narrower is None and len(group) > 1:
+            many = len(group) // 2
+            continue
+        best, many = narrower or best, 2 * many if narrower else 1
+        waiting = waiting[len(group) :]
     return best

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, cached_property
@@ -53,6 +53,27 @@ class Value:
     @cached_property
     def high(self) -> Fraction:
         return Fraction(self.expr.high) * two(-self.fraction)
+
+    @cached_property
+    def reach(self) -> tuple[float, float]:
+        return float(self.low), float(self.high)
+
+    @cached_property
+    def rounding(self) -> Hashable:
+        """All of it that the errors of a result depend on."""
+        return self.local, self.relative, tuple(self.constants.items()), self.reach
+
+    @cached_property
+    def _called(self) -> dict[str, Value]:
+        return {}
+
+    def called(self, name: str) -> Value:
+        """It by a name: for one name always the same object, which keeps what is derived of it."""
+        if name not in self._called:
+            e = ex.named(name, self.expr)
+            own = self.fraction, self.local, self.relative, self.constants
+            self._called[name] = Value(e, *own)
+        return self._called[name]
 
 
 @dataclass(frozen=True)

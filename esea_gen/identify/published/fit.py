@@ -60,7 +60,7 @@ def multi_start(problem: SearchProblem, seed: int, count: int) -> Ends:
     starts = finalists(points, problem.costs(points), low, high, FINALISTS)
     ends = _narrowed(problem, starts)
     # The thresholds make minima of their own, which the viscosity's numbers hide from a sparse
-    # population: look along them from the best finalist (measured: docs/identify.md).
+    # population: look along them from the best finalist.
     return ends + _narrowed(problem, threshold_minima(problem, best_of(ends)[1]))
 
 

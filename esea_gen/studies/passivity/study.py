@@ -34,7 +34,7 @@ from esea_gen.twin.controllers import controller_device, controller_system
 from esea_gen.twin.run import PLANT_NAMES, axis_of
 
 # Share of the push's energy that may come out before it counts.  Of the default map's runs half
-# give out less than 0.01 %, nearly all others more than 3 %; docs/stability.md has what it changes.
+# give out less than 0.01 %, nearly all others more than 3 %.
 TOLERANCE = 0.01
 KINDS = {"unstable with a hand": "#efc9b0", "stable with every hand": "#cfdde8", "passive": None}
 

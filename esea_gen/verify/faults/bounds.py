@@ -25,7 +25,7 @@ class LimbEnvelope:
 
 
 # A controller that is stuck at full torque trips at 8 Nm, sensors sound, and the drive runs out,
-# with more torque into a stiffer arm: docs/limits.md, tests/control/test_limits_accidents.py.
+# with more torque into a stiffer arm: docs/fault-injection.md.
 # Nothing else may be worse.  Shares of the trip, by person.
 RUN_OUT = {LIMP: 1.65, COMMON: 1.65, "30 Nm/rad": 1.9, "60 Nm/rad": 2.2, "120 Nm/rad": 2.7}
 RUN_OUT |= {"250 Nm/rad": 3.4, CLAMPED: 4.5}

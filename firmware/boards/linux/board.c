@@ -401,14 +401,14 @@ int main(int argc, char **argv)
                 strerror(errno));
         return 2;
     }
+    if (line_live(&line))
+        take_signals(); /* before the drive is asked, so that every end is an orderly one */
     esea_board_drivers(&port);
     if (drive != NULL && !drive_open(&port, drive, rotor_side))
         return 2;
     port.unique = any_number();
-    if (line_live(&line)) {
-        take_signals();
+    if (line_live(&line))
         be_prompt(priority);
-    }
     esea_app_init(&app, &port);
     if (line_live(&line))
         start_clock();

@@ -36,7 +36,7 @@ static float turn = 1.0f, most_Nm = 0.0f; /* torque at the drive's output over t
 static bool own_motor_side; /* slot 2 is the coupling's motor side; else it follows from the rotor */
 static bool restarted;      /* the drive, which then forgets whole turns of the rotor */
 static float first_fault, last_counter;
-static uint32_t seen, taken, silent, wrong, left_out;
+static uint32_t seen, taken, silent, longest, wrong, left_out;
 static char heard[ESEA_MOTEUS_LINE_BYTES * 2u];
 static size_t heard_count;
 
@@ -160,6 +160,7 @@ static void port_sample(float *measured)
 
     drain();
     silent = drive.replies != seen ? 0u : silent + 1u;
+    longest = silent > longest ? silent : longest;
     taken += drive.replies != seen;
     seen = drive.replies;
     put_count(&measured[motor[0]], own_motor_side ? drive.slot_rev[2] : drive.output_rev, ESEA_ENCODER_BITS,
@@ -205,9 +206,9 @@ static uint32_t port_trouble(void)
 void drive_print(FILE *to)
 {
     if (file >= 0)
-        fprintf(to, "drive: mode %g, fault %g (of the last stop: %g), %.1f V, board %.1f degC, motor %.1f degC; %u replies, %u frames left out\n",
+        fprintf(to, "drive: mode %g, fault %g (of the last stop: %g), %.1f V, board %.1f degC, motor %.1f degC\n  %u ticks with a reply, at most %u without in a row, %u frames left out\n",
                 (double)drive.mode, (double)drive.fault, (double)first_fault, (double)drive.voltage_V, (double)drive.board_C,
-                (double)drive.motor_C, taken, left_out);
+                (double)drive.motor_C, taken, longest, left_out);
 }
 
 /* -- before the first tick ------------------------------------------------------------------------- */
@@ -247,10 +248,15 @@ static size_t await_frame(uint8_t *frame)
 {
     struct pollfd ready = { file, POLLIN, 0 };
     size_t count;
+    int came;
 
-    while ((count = next_frame(frame)) == 0u)
-        if (poll(&ready, 1u, PATIENCE_MS) <= 0)
+    while ((count = next_frame(frame)) == 0u) {
+        do
+            came = poll(&ready, 1u, PATIENCE_MS);
+        while (came < 0 && errno == EINTR);
+        if (came <= 0)
             return 0u;
+    }
     return count;
 }
 

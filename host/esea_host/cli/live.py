@@ -280,9 +280,14 @@ def parameters(
     compare: Annotated[
         Path | None, option("--compare", "Show only what differs from a JSON file.")
     ] = None,
+    keep: Annotated[
+        bool, option("--keep", "The board keeps the values in force without power.")
+    ] = False,
 ) -> None:
     """List, set, save, load or compare a board's parameters; what changes is shown first."""
     wanted = _assigned(assign or [])
+    if compare is not None and (wanted or load or save or keep):
+        raise UserError("--compare changes nothing and writes nothing.", "Give it alone.")
     if load is not None:
         wanted = _read(load) | wanted
     with open_device(address, device, key) as board:
@@ -303,7 +308,10 @@ def parameters(
         if save is not None:
             write_json(save, "host-parameters", {"parameters": values})
             out.print(f"{save}: {len(values)} parameters")
-        if not wanted and save is None:
+        if keep:
+            board.session.save_parameters()
+            out.print("The board keeps these values without power.")
+        if not wanted and save is None and not keep:
             for name, p in known.items():
                 bounds = f"[{p.low:g}, {p.high:g}]"
                 out.print(f"{name} = {values[name]:g} {p.unit}  {bounds}  {p.meaning}")
@@ -382,10 +390,15 @@ def sim_moteus(
     rotor_side: Annotated[
         bool, option("--rotor-side", "No encoder on the coupling's motor side.")
     ] = False,
+    program: Annotated[
+        Path | None,
+        option("--program FILE", "Run this firmware on it; at the end it prints its lost ticks."),
+    ] = None,
+    seconds: SecondsOption = None,
 ) -> None:
     """Emulate a moteus drive with a virtual joint, for the firmware's --drive on this computer."""
     from_extra("moteus", "moteus", "The emulated drive")
-    from esea_host.simulated.moteus import MoteusJoint, serve_drive
+    from esea_host.simulated.moteus import MoteusJoint, run_board, serve_drive
     from esea_host.simulated.server import Terminal
 
     if not TERMINALS:
@@ -393,8 +406,12 @@ def sim_moteus(
     line = Terminal()
     joint = MoteusJoint(device, plant, person, seed, rotor_side)
     _tell(f"simulated moteus of {device} at serial:{line.name}")
+    last_s = math.inf if seconds is None else time.monotonic() + seconds
     try:
-        serve_drive(joint, line, lambda: False)
+        with run_board(program, line.name, rotor_side) as ended:
+            serve_drive(joint, line, lambda: ended() or time.monotonic() > last_s)
+            if ended():  # it has said why
+                raise typer.Exit(1)
     except KeyboardInterrupt:
         return
     finally:

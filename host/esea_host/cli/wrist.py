@@ -127,8 +127,15 @@ def virtual(
     if method not in METHODS:
         raise UserError(f"There is no method {method!r}.", f"There are: {', '.join(METHODS)}.")
     trusted(trust)
-    if sensitivity and study != "wrist":
-        raise UserError("--sensitivity is of the wrist study.", "Leave it out, or ask for wrist.")
+    given = {"--method": method != "rbf", "--compare": compare, "--sensitivity": sensitivity}
+    if study == "wrist":
+        given = {}
+    elif study != "interaction":
+        given |= {"--json": to_json is not None, "--report": report is not None}
+    if idle := [name for name, is_given in given.items() if is_given]:
+        raise UserError(
+            f"study virtual {study}: {', '.join(idle)} would do nothing.", "Leave it out."
+        )
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
         asked = VirtualRun(folder, participants, seed, jobs, cluster, to_json, report)

@@ -367,7 +367,10 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
         for name, value in (judged.tunables | {"share": 1.0}).items():
             bench.device.set(of_axis(f"adaptation.{name}", bench.axis), value)
         values = ", ".join(f"{n} {v:.3f}" for n, v in judged.tunables.items())
-        note = f"Set on the board, until it restarts or saves: {values}, share 1."
+        note = (
+            f"Set on the board: {values}, share 1. To keep them without power: "
+            "esea-host parameters ADDRESS --keep."
+        )
     labels = [f"{known.mass_kg:g} kg" for known in masses]
     against(above, labels, judged.known_Nm, judged.shown_Nm, "stated, Nm", "sensed, Nm")
     left = [("sensed, less what the masses explain", judged.left_Nm)]

@@ -6,8 +6,11 @@ terminal as it would the adapter.
 
 from __future__ import annotations
 
+import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 from esea_gen.board.moteus import MoteusDrive
 from esea_gen.device import load_device
@@ -18,6 +21,7 @@ from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_
 from esea_host.simulated.server import IDLE_S, Terminal
 
 TICK_S, SILENCE_S = 1e-3, 0.01
+END_S = 10.0  # for a program to end by itself
 
 
 class MoteusJoint:
@@ -45,9 +49,10 @@ class MoteusJoint:
         self._rotor = self._last = 0  # counts of the rotor, over all its turns
         counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
         self._last = counts[2]
-        self._show(counts)
+        self.show(counts)
 
-    def _show(self, counts: tuple[int, int, int]) -> None:
+    def show(self, counts: tuple[int, int, int]) -> None:
+        """Have the drive's encoders read these: motor side, load side, motor."""
         motor, load, gear = counts
         half = self._gear_bits // 2
         self._rotor += (gear - self._last + half) % self._gear_bits - half
@@ -59,7 +64,11 @@ class MoteusJoint:
     def tick(self) -> None:
         """A millisecond of drive and plant."""
         self.drive.advance(TICK_S)
-        self._show(self.plant.step(self.drive.torque_Nm / self.gear))
+        self.move()
+
+    def move(self) -> None:
+        """A millisecond of the plant alone."""
+        self.show(self.plant.step(self.drive.torque_Nm / self.gear))
 
 
 def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) -> None:
@@ -82,3 +91,28 @@ def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) ->
             last_s += TICK_S
         else:
             time.sleep(IDLE_S)
+
+
+@contextmanager
+def run_board(program: Path | None, line: str, rotor_side: bool) -> Iterator[Callable[[], bool]]:
+    """Run the firmware on this line meanwhile; yield whether it has ended by itself."""
+    if program is None:
+        yield lambda: False
+        return
+    command = [str(program.resolve()), "tcp:0", "--drive", f"serial:{line}"]
+    try:
+        board = subprocess.Popen([*command, *(["--rotor-side"] if rotor_side else [])])
+    except OSError as error:
+        raise UserError(
+            f"{program} does not run: {error.strerror}.",
+            "Build it: esea-gen firmware DEVICE --board linux --out out.",
+        ) from None
+    try:
+        yield lambda: board.poll() is not None
+    finally:
+        board.terminate()  # it then prints how late it woke up
+        try:
+            board.wait(END_S)
+        except subprocess.TimeoutExpired:
+            board.kill()
+            board.wait()

@@ -12,7 +12,7 @@ from esea_gen.model.sensing import of_axis
 from esea_host.recording.layout import Array
 
 # Words whose flags say that something holds the drive back.
-LIMIT_WORDS = ("limits_status", "passivity_status")
+LIMIT_WORDS = ("limits_status", "passivity_status", "motor_temperature_status")
 # Of the limits' word: the latch is closed whenever the motor is off, and then a stop is asked for.
 LATCH, STOP_ASKED, MOTOR_OFF = "FAULT_LATCHED", "STOPPED", "motor off"
 BOARD_FAULTS = 100  # from here on no command clears them

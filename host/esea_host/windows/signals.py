@@ -17,6 +17,8 @@ LIT_S = 0.3  # an indicator stays lit so long that it is seen
 Shown = Mapping[str, Stretch]
 # What is shown large, of which plot; degrees with one place, torque with two.
 READOUTS = {"Torque": "torque [Nm]", "Joint": "angle [deg]", "Motor": "command [Nm]"}
+# Besides, of devices that tell it: caption and scale.
+NUMBERS = {"winding_C": ("winding [\u00b0C]", 1.0), "capacity": ("torque left [%]", 100.0)}
 # Of a plot its title, unit and limits, then of each signal its column, unit and label.
 PANELS = (
     (
@@ -93,12 +95,18 @@ class AxisColumns:
 
     def readouts(self, axis: str, newest: Shown) -> Iterator[tuple[str, str]]:
         """What is shown large: caption and number; a dash where it is not known."""
+
+        def last(signal: ShownSignal, places: int, scale: float = 1.0) -> str:
+            values = signal.values(newest)
+            known = len(values) and not self._feed.silent and math.isfinite(values[-1])
+            return f"{scale * values[-1]:.{places}f}" if known else "\u2013"
+
         for head, signals in self.panels(axis):
             if head[0] in READOUTS:
-                values = signals[-1].values(newest)
-                known = len(values) and not self._feed.silent and math.isfinite(values[-1])
-                places = 1 if head[1] == "deg" else 2
-                yield READOUTS[head[0]], f"{values[-1]:.{places}f}" if known else "\u2013"
+                yield READOUTS[head[0]], last(signals[-1], 1 if head[1] == "deg" else 2)
+        for name, (caption, scale) in NUMBERS.items():
+            for signal in self.signals([(name, "", "")], axis):
+                yield caption, last(signal, 0, scale)
 
     def flags(self, axis: str) -> list[tuple[str, LimitFlag]]:
         """What may be reported of an axis, each with its stream."""
