@@ -327,7 +327,11 @@ def device_file_page() -> str:
 
 UNITS = {
     "deflection.unit": {**mapping_tables.ANGLE, **mapping_tables.LENGTH},
-    "torque.unit": {**mapping_tables.TORQUE, **mapping_tables.FORCE},
+    "torque.unit": {
+        **mapping_tables.TORQUE,
+        **mapping_tables.FORCE,
+        **mapping_tables.VOLTAGE,
+    },
     "sampling.time_unit": mapping_tables.TIME,
 }
 

@@ -19,6 +19,7 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.files import read_whole
 
 T = TypeVar("T")
+Located = tuple[Sequence[str | int], UserError]  # an error and its place
 DEEPEST = 32
 
 
@@ -107,9 +108,7 @@ def line_of(text: str, loc: Sequence[str | int]) -> int:
     return best
 
 
-def together(
-    problems: Iterable[tuple[Sequence[str | int], UserError]], origin: str, text: str
-) -> None:
+def together(problems: Iterable[Located], origin: str, text: str) -> None:
     """Raise what is wrong in a file as one message, each problem with the line of its key."""
     said = []
     for loc, problem in problems:
@@ -134,13 +133,21 @@ def checked(
     text: str = "",
 ) -> T:
     """A document as ``kind``, a pydantic model or dataclass."""
+    value, problems = judged(kind, document, fix)
+    together(problems, origin, text)
+    assert value is not None
+    return value
+
+
+def judged(
+    kind: type[T], document: Any, fix: Callable[[Problem], str | UserError | None]
+) -> tuple[T | None, list[Located]]:
+    """A document as ``kind``, or None and what is wrong with it, each with its place."""
     try:
         # As JSON, so that a strict model takes a row of numbers for a tuple.
-        return TypeAdapter(kind).validate_json(json.dumps(document, default=str))
+        return TypeAdapter(kind).validate_json(json.dumps(document, default=str)), []
     except ValidationError as error:
-        problems = _problems(error, kind)
-    together(((p.loc, _explained(p, fix(p))) for p in problems), origin, text)
-    raise AssertionError(origin)
+        return None, [(p.loc, _explained(p, fix(p))) for p in _problems(error, kind)]
 
 
 def _problems(error: ValidationError, kind: Any) -> list[Problem]:

@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, settings
 
 import esea_gen
 from esea_gen import files
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device
 from esea_gen.hostlib import HostLibrary, compile_device
 from tests import result_schemas
 from tests.budget import Budget
@@ -147,19 +147,6 @@ def elbow() -> Device:
 @pytest.fixture(scope="session")
 def drive() -> Device:
     return esea_gen.load_device("elbow_drive")
-
-
-def zeroed_device(name: str) -> Device:
-    """A shipped drive whose file says that its encoders' zeros are the plant's."""
-    title = esea_gen.load_device(name).title
-    zero = 'zero_rad = { value = 0.0, status = "assumed", source = "the plant\'s" }'
-    text = f'schema = 1\nextends = "{name}"\nname = "{name}"\ntitle = "{title}"\n'
-    return parse_device(f"{text}[encoder.motor]\n{zero}\n[encoder.load]\n{zero}\n", "zeroed.toml")
-
-
-@pytest.fixture(scope="session")
-def zeroed_drive() -> Device:
-    return zeroed_device("elbow_drive")
 
 
 @pytest.fixture(scope="session")

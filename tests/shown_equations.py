@@ -19,6 +19,8 @@ GREEK = {
 SIGNS = {"−": "-", "\u2062": "*", "=": "=", "<": "<", ">": ">"}
 FUNCTIONS = {
     "exp": math.exp,
+    "sin": math.sin,
+    "cos": math.cos,
     "tanh": math.tanh,
     "max": max,
     "min": min,

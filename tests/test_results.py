@@ -108,12 +108,14 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
     for words, resumable, wanted in (
         (
             ["simulate", "tuning", "--resume", "a b"],
-            True,
+            "DIR",
             "esea-gen simulate tuning --resume 'a b'",
         ),
-        (["simulate", "tuning", "--resume=j"], True, "are kept"),
-        (["simulate", "tuning"], True, "esea-gen simulate tuning --resume DIR"),
-        (["verify", "elbow"], False, "From the start again:\n  esea-gen verify elbow"),
+        (["simulate", "tuning", "--resume=j"], "DIR", "is stored"),
+        (["simulate", "tuning"], "DIR", "esea-gen simulate tuning --resume DIR"),
+        (["identify", "hdrb"], "FILE", "esea-gen identify hdrb --resume FILE"),
+        (["torque-check", "elbow"], "JSON", "From the start again"),
+        (["verify", "elbow"], None, "From the start again:\n  esea-gen verify elbow"),
     ):
         assert wanted in stopped(words, resumable)
 

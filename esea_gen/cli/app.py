@@ -63,18 +63,19 @@ class Commands(GroupedCommands):
             if not by_hand(error):
                 raise
             chosen = self.commands.get(ctx.invoked_subcommand)
-            resumable = any(p.name == "resume" for p in chosen.params) if chosen else False
-            print(f"\nesea-gen: {stopped(sys.argv[1:], resumable)}", file=sys.stderr)
+            found = (p.metavar for p in chosen.params if p.name == "resume") if chosen else ()
+            print(f"\nesea-gen: {stopped(sys.argv[1:], next(iter(found), ''))}", file=sys.stderr)
             raise SystemExit(130) from None
 
 
-def stopped(words: Sequence[str], resumable: bool) -> str:
+def stopped(words: Sequence[str], resume: str | None) -> str:
+    """What an interrupted command left; ``resume``: the place that its --resume takes, if any."""
     again = command_line("esea-gen", *words)
-    if not resumable:
+    if resume not in ("DIR", "FILE"):
         return f"stopped; no file is left half written. From the start again:\n  {again}"
     if any(w.partition("=")[0] == "--resume" for w in words):
-        return f"stopped; the runs that had ended are kept. Go on with the same command:\n  {again}"
-    return f"stopped; no run was kept. To be able to go on another time:\n  {again} --resume DIR"
+        return f"stopped; what was finished is stored. Continue with the same command:\n  {again}"
+    return f"stopped; nothing was stored. To be able to continue:\n  {again} --resume {resume}"
 
 
 app = typer.Typer(

@@ -12,7 +12,7 @@ from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, recorded_streams
 from esea_gen.cli.output import exit_unless, progress_bar
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_json
 from esea_gen.targets import BOARDS, DEFAULT_BOARD
 
@@ -107,6 +107,7 @@ def emulate(
     """
     from esea_gen.report.findings import emulated
 
+    from_extra("pymavlink", "link", "esea-gen emulate")
     loaded = esea_gen.load_device(device, controller)
     deflections: dict[str, Any] = {}
     if loaded.laws and (recording is not None or data is not None):
@@ -152,7 +153,9 @@ def emulate(
             )
         write_json(json_file, "emulate", {"device": loaded.name, "streams": content})
     exit_unless(all(r.identical for r in results.values()))
-    out.next("report", device, *(("--controller", controller) if controller else ()))
+    more = ["--controller", controller] if controller else []
+    more += ["--board", board] if board != DEFAULT_BOARD else []
+    out.next("report", device, *more)
 
 
 def _show_tasks(results: dict[str, Any]) -> None:

@@ -37,7 +37,7 @@ ResumeOption = Annotated[
     Path | None,
     option(
         "--resume FILE",
-        "Keep what the search computes; go on from it if it was cut off.",
+        "Store the search in FILE; the same command continues from there.",
         callback=writable,
     ),
 ]
@@ -83,7 +83,13 @@ def identify(
     jobs: options.JobsOption = -1,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Fit the torque model to a recording: device file and report."""
+    """Fit the torque model to a recording: device file and report.
+
+    Of a recording without a mapping (FILE.csv), propose one and write it beside the file.
+    """
+    if mapping.suffix.lower() != ".toml" and mapping.is_file():
+        _propose(mapping)
+        return
     how = _searching(search, jobs, resume, draw)
     if model not in FORMS and (search, resume, draw) != ("multi-start", None, None):
         raise UserError(
@@ -105,6 +111,17 @@ def identify(
     compared = _compare_models(mapping, data, json_file, how)
     if folder is not None:
         _identify_model(mapping, data, folder, CHOSEN, False, None, how, compared)
+
+
+def _propose(recording: Path) -> None:
+    from esea_gen.identify.recording.proposal import propose_mapping
+
+    proposal, path = propose_mapping(recording), recording.with_suffix(".toml")
+    proposal.write(path)
+    out.lines(proposal.lines)
+    out.print(f"proposed mapping: {path}. Check every line.")
+    out.lines(f"to fill in: {m}" for m in proposal.missing)
+    out.next("identify", str(path))
 
 
 def _searching(method: str, jobs: int, resume: Path | None, draw: Path | None) -> Searching:
@@ -293,7 +310,7 @@ def torque_check(
         Path | None, option("--recording FILE", "CSV: time_s, tau_Nm, optionally step.")
     ] = None,
     resume: Annotated[
-        Path | None, option("--resume FILE", "Continue the check in this JSON file.")
+        Path | None, option("--resume JSON", "Continue the check in the file that --json wrote.")
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:

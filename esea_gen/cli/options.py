@@ -97,7 +97,8 @@ JsonOption = Annotated[
 
 SeedOption = Annotated[int, option("--seed", "Seed of what is drawn at random.", min=0)]
 JournalOption = Annotated[
-    Path | None, option("--resume DIR", "Journal: continue an interrupted run.")
+    Path | None,
+    option("--resume DIR", "Store finished runs in DIR; the same command continues from there."),
 ]
 BlockOption = Annotated[
     list[str] | None, option("--block NAME", "Block; default: all.", autocompletion=complete_block)

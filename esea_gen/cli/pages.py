@@ -13,6 +13,7 @@ from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.options import option, writable
 from esea_gen.cli.output import exit_unless, progress_line, progress_share
+from esea_gen.errors import from_extra
 from esea_gen.files import write_json, write_whole
 from esea_gen.targets import DEFAULT_BOARD
 
@@ -30,6 +31,7 @@ def report(
     json_file: options.JsonOption = None,
 ) -> None:
     """Build, verify, emulate, measure: everything known of a device on one HTML page."""
+    from_extra("pymavlink", "link", "esea-gen report")
     data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device, controller)
     target = page or writable(Path(f"{loaded.name}.html"))

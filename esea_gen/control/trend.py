@@ -27,7 +27,7 @@ from esea_gen.observe import drive_of
 
 # On the standard plant 4 Hz lags by too much at 1.5 Hz (0.15 Nm), 24 Hz gives no more than 16.
 BANDWIDTH_HZ, BANDWIDTH_LOW_HZ = 16.0, 0.5
-# The rate dies away over it: 0.2 s costs the tuning case 0.08 Nm, for ever gains nothing.
+# For a governor the rate dies away over it.
 FADE_S = 1.0
 # Second differences of the increments that halve the bandwidth: what noise of 4 mNm makes.  A sine
 # of 3 Nm and 1 Hz makes 0.1 mNm.
@@ -42,12 +42,22 @@ STEP_NM, STEP_NOISES = 0.01, 4.0
 JUMP_NM, STEPPED_S = 0.1, 0.15
 # The fastest that is believed: full torque to and fro at this frequency.
 FASTEST_HZ = 3.0
+# How fast it goes to and fro: means over so long; the fastest; a rate below that is none.  The
+# longest lag of the observer, of one pole, that is taken away: what there is without noise.
+SWING_S, SWING_HZ, STILL_NM_S, LAG_S = 0.5, 4.0, 1e-3, 0.012
+# It fades over so long (for ever, 4 Nm at 0.5 Hz have a sixth more error), and swings on so far;
+# terms of the series to there, to single precision.
+SWUNG_S, TURN_RAD, TERMS = 2.0, 1.5 * math.pi, 11
+# Where the motor's effective torque, over its largest, is between these, less and less of what goes
+# to and fro is asked for; not of what is slower than that.
+EFFORT_S, EFFORTS, SLOW_HZ = 0.5, (0.65, 0.78), 0.5
 
 
 # A step moves the observer with it and leaves rate and acceleration alone: then the held torque is
 # asked for, to the bit.  A step is an increment beside the median of the last three.  Noise, by the
 # second difference of the increments, lowers the bandwidth, and much of it the share that is
-# believed.
+# believed.  Along the horizon it swings on about a middle, as a sine of which the observer shows
+# rate and acceleration; with a parabola, 2 Nm to and fro at 2 Hz were taken for 6 and more.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
     """Where the wanted torque goes, when only its past is known."""
     return Block.of(_Trend(device, ends_s, name))
@@ -59,7 +69,8 @@ class _Trend:
         self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
         self.ends_s = tuple(ends_s)
         self.high_Hz = 0.1 / self.h
-        self.rate_lim, self.acc_lim = motion_limits(device)
+        fastest_Hz = SWING_HZ if self.ends_s else FASTEST_HZ
+        self.rate_lim, self.acc_lim = motion_limits(device, fastest_Hz)
         self.keep_noise = math.exp(-self.h / NOISE_S)
         self.keep_step = math.exp(-self.h / STEPPED_S)
         self.step_lim = 2 * self.tau_lim
@@ -67,16 +78,21 @@ class _Trend:
         self.noise_lim = threshold(4.04 * self.step_lim)
         # The observer never needs to be farther off than from one end of the range to the other.
         self.miss_lim = threshold(2 * self.step_lim)
+        self.keep_swing = math.exp(-self.h / SWING_S)
+        self.keep_effort = math.exp(-self.h / EFFORT_S)
+        self.u_lim = drive.u_Nm
         self.name = name
         self.title = "Wanted torque ahead, from its past"
         self.coefficients = (
             Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
             Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
         )
-        self.inputs = (
+        self.inputs: tuple[Port, ...] = (
             around("tau_wanted_Nm", self.tau_lim, "wanted torque now", on_invalid="last_Nm"),
         )
-        self.equations = equations(EQUATIONS)
+        if self.ends_s:
+            self.inputs += (around("u_Nm", self.u_lim, "command that holds", on_invalid=0.0),)
+        self.equations = equations(EQUATIONS + (ALONG if self.ends_s else ""))
         self.streams = OwnStreams(_events)
         own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
         sees = "bandwidth without noise: higher sees sooner where it goes"
@@ -86,7 +102,7 @@ class _Trend:
             Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
             Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
         )
-        self.state = (
+        self.state: tuple[Port, ...] = (
             Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
             around("last_Nm", self.tau_lim, "wanted torque of the last step"),
             around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
@@ -97,6 +113,13 @@ class _Trend:
             around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
             around("acc_Nm_s2", self.acc_lim, "its acceleration"),
         )
+        if self.ends_s:
+            most = threshold(1.01 * self.rate_lim**2), threshold(1.01 * self.acc_lim**2)
+            self.state += (
+                Port("rates_Nm2_s2", 0.0, most[0], "mean square of that rate"),
+                Port("accs_Nm2_s4", 0.0, most[1], "mean square of that acceleration"),
+                Port("effort", 0.0, 1.01, "mean square of the command, over the largest"),
+            )
         n = len(self.ends_s)
         ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
         self.outputs = (
@@ -158,11 +181,8 @@ class _Trend:
         left = clip((pole * pole * pole) * miss, -self.miss_lim, self.miss_lim)
         many = ca.fmin(c.noises_1_Nm * noise, LOUDEST) * (1 / MANY_NOISES)
         trust = label("trust", 1 / (1 + many * many), "share of the motion that is believed")
-        ahead = []
-        for end_s in self.ends_s:
-            by_rate, by_acc = faded(end_s)
-            value = u.tau_wanted_Nm + trust * (by_rate * rate + by_acc * acc)
-            ahead.append(clip(value, -self.tau_lim, self.tau_lim))
+        seen = SimpleNamespace(rate=rate, acc=acc, trust=trust, q=q)
+        ahead, means = self.along(s, u, seen, label) if self.ends_s else ([], {})
         next_state = {
             "primed": primed,
             "last_Nm": u.tau_wanted_Nm,
@@ -173,6 +193,7 @@ class _Trend:
             "miss_Nm": left,
             "rate_Nm_s": rate,
             "acc_Nm_s2": acc,
+            **means,
         }
         outputs = {
             **({"tau_ahead_Nm": ahead} if ahead else {}),
@@ -184,10 +205,59 @@ class _Trend:
         }
         return next_state, outputs
 
+    def along(
+        self, s: Any, u: Any, seen: SimpleNamespace, label: Labels
+    ) -> tuple[list[Any], dict[str, Any]]:
+        """Wanted torque at the intervals' ends, and the means that it rests on."""
 
-def motion_limits(device: DeviceData) -> tuple[float, float]:
+        def mean(name: str, keep: float, value: Any) -> Any:
+            return label(name, (1 - keep) * value * value + keep * vars(s)[name], "mean square")
+
+        means = {
+            "rates_Nm2_s2": mean("rates_Nm2_s2", self.keep_swing, seen.rate),
+            "accs_Nm2_s4": mean("accs_Nm2_s4", self.keep_swing, seen.acc),
+            "effort": mean("effort", self.keep_effort, u.u_Nm * (1 / self.u_lim)),
+        }
+        most = (2 * math.pi * SWING_HZ) ** 2
+        # Of the sampled pole, a quarter of a step more than its sum.
+        lag = label("lag_s", ca.fmin(self.h * (1 / seen.q - 0.75), LAG_S), "of one pole")
+        w2 = ca.fmin(means["accs_Nm2_s4"] / (means["rates_Nm2_s2"] + STILL_NM_S**2), most)
+        w2 = ca.fmin(w2 / (1 - 9 * lag * lag * w2), most)
+        w2 = label("swing_1_s2", w2, "[trend 5] square of how fast it goes to and fro")
+        y = w2 * lag * lag
+        first = label("first_Nm_s", seen.rate - 3 * lag * seen.acc, "[trend 6] rate at three lags")
+        rate = label("now_Nm_s", (1 - 3 * y) * first + (3 - y) * lag * seen.acc, "[trend 7]")
+        acc = (1 - 3 * y) * seen.acc - (3 - y) * lag * w2 * first
+        acc = label("now_Nm_s2", acc, "[trend 8]")
+        low, high = (x * x for x in EFFORTS)
+        room = clip((high - means["effort"]) * (1 / (high - low)), 0.0, 1.0)
+        fast = w2 * w2 / (w2 * w2 + (2 * math.pi * SLOW_HZ) ** 4)
+        share = 1 - seen.trust * fast * (1 - room)
+        share = label("share", share, "[trend 9] what the motor can follow")
+        middle = (1 - share) * acc / ca.fmax(w2, 1.0)
+        longest_s2 = label("longest_s2", TURN_RAD**2 / ca.fmax(w2, 1.0), "how far it swings on")
+        ahead = []
+        for t in self.ends_s:
+            by_rate, by_acc = swung(w2, t, longest_s2)
+            moved = math.exp(-t / SWUNG_S) * seen.trust * (by_rate * rate + by_acc * acc)
+            value = u.tau_wanted_Nm + share * moved + middle
+            ahead.append(clip(value, -self.tau_lim, self.tau_lim))
+        return ahead, means
+
+
+def swung(w2: Any, t: float, longest_s2: Any) -> tuple[Any, Any]:
+    """What rate and acceleration of a sine add in a time, TURN_RAD at most: two series."""
+    y = -ca.fmin(w2 * t**2, TURN_RAD**2)
+    sine = cosine = 0.0
+    for k in reversed(range(TERMS)):
+        sine = 1 / math.factorial(2 * k + 1) + y * sine
+        cosine = 1 / math.factorial(2 * k + 2) + y * cosine
+    return t * sine, ca.fmin(longest_s2, t**2) * cosine
+
+
+def motion_limits(device: DeviceData, fastest_Hz: float = FASTEST_HZ) -> tuple[float, float]:
     """Largest rate and acceleration of a wanted torque that are believed."""
-    turn, full = 2 * math.pi * FASTEST_HZ, device.tau_full_scale_Nm
+    turn, full = 2 * math.pi * fastest_Hz, device.tau_full_scale_Nm
     return threshold(turn * full), threshold(turn * turn * full)
 
 
@@ -203,8 +273,16 @@ EQUATIONS = """
     [trend 2] | epsilon_+ | p**3 * epsilon | what the observer still misses
     [trend 3] | r_+ | r + h * a + 3/2 * q**2 * (1 + p) / h * epsilon |
     [trend 4] | a_+ | a + q**3 / h**2 * epsilon | rate and acceleration
-    [trend 5] | tau(t) | tau_d + 1 / (1 + (nu / (10 * nu_h))**2) \
-        * Integral((r + a * x) * exp(-x / T_f), (x, 0, t)) | along the horizon
+"""
+ALONG = """
+    [trend 5] | w**2 | A / (R - 9 * T**2 * A) | R, A: means of r**2 and a**2; T: lag of a pole
+    [trend 6] | r_1 | r - 3 * T * a | rate, as late as the acceleration
+    [trend 7] | r_0 | (1 - 3 * T**2 * w**2) * r_1 + (3 - T**2 * w**2) * T * a | rate now
+    [trend 8] | a_0 | (1 - 3 * T**2 * w**2) * a - (3 - T**2 * w**2) * T * w**2 * r_1 |
+    [trend 9] | s | 1 - beta * w**4 / (w**4 + w_0**4) * Max(0, Min(1, (U - U_0) / (U_1 - U_0))) | \
+        U: mean square of the command; beta: share believed
+    [trend 10] | tau(t) | tau_d + (1 - s) * a_0 / w**2 + s * beta * exp(-t / T_w) \
+        * (r_0 * sin(w * t) / w + a_0 * (1 - cos(w * t)) / w**2) | along the horizon
 """
 
 
@@ -212,7 +290,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     # Smooth, steps of all sizes, noise that comes and goes, what is no number, and full scale.
     steps = 3000
     t = np.arange(steps)
-    (port,) = block.inputs
+    port = block.inputs[0]
     x = 0.2 * port.high * np.sin(t / 60.0)
     x += np.cumsum(np.where(rng.random(steps) < 0.004, rng.normal(0, 0.02 * port.high, steps), 0))
     x += np.where(t // 500 % 2 == 1, rng.normal(0, 2e-3 * port.high, steps), 0)

@@ -52,7 +52,7 @@ def _lambdified(expression: sp.Expr) -> tuple[list[sp.Symbol], Callable[..., Any
 
 
 _NAME = re.compile(r"[A-Za-z]\w*(?:\{[^}]*\})?'*")
-_WORDS = "exp tanh cos sqrt cbrt sign Abs Max Min Sum Integral Piecewise pi true Integer Float"
+_WORDS = "exp tanh sin cos sqrt cbrt sign Abs Max Min Sum Integral Piecewise pi true Integer Float"
 _KNOWN = {word: getattr(sp, word) for word in _WORDS.split()} | {"sum": sp.Function("sum")}
 
 

@@ -1,9 +1,9 @@
-"""What predictive control costs: bound, worst seen and typical instructions; peers beside it.
+"""What predictive control costs: bound, worst seen and typical instructions; a peer beside it.
 
     python -m tests.benchmarks.predictive [--horizons] [--json FILE]
 
 Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
-not cycles.  Times are of this machine, the thread's own, in turns with each peer.
+not cycles.  Times are of this machine, the thread's own, in turns with the peer.
 """
 
 from __future__ import annotations
@@ -13,12 +13,10 @@ import json
 import re
 import subprocess
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from esea_gen.board.bound import CodeBlock, InstructionBound, graphs_of, step_bound
@@ -28,17 +26,15 @@ from esea_gen.control.predictive.drive import predictive_controller
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.emit.program_c import loop_lines
 from esea_gen.hostlib.compiler import find_compiler
-from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, boards_for
 from esea_gen.twin.controllers import controller_device
-from tests.box_qp_program import box_qp
 from tests.rendered_program import ProgramRenderer, render_program
 
-from .peers import medians_us, with_templates
+from .peers import with_templates
 from .predictive_loop import recorded_rows
 from .predictive_peer import step_times
 
@@ -199,69 +195,6 @@ def stress_rows(program: Program, count: int, seed: int = 0) -> Array:
     return np.array(rows)
 
 
-def qp_rows(n: int = 10, count: int = 200, rounds: int = 15) -> dict[str, dict[str, float]]:
-    """The box QP against other solvers on problems as predictive control gives them.
-
-    Peers are called through CasADi in a map over all problems, so that Python is not in the loop;
-    their set-up of a new problem is included, as ours is.
-    """
-    rng = np.random.default_rng(1)
-    problems = []
-    for k in range(count):
-        t = np.arange(n)
-        s = np.cumsum(np.exp(-t / rng.uniform(2, 20)))
-        j = 17.0 * np.array([[s[a - b] if a >= b else 0 for b in range(n)] for a in range(n)]) / n
-        target = rng.normal(size=n) * (0.3 if k % 3 else 30.0)  # a third with active bounds
-        problems.append((j.T @ j + 0.4 * np.eye(n), -j.T @ target))
-    inputs = {
-        "H": np.array([h[np.tril_indices(n)] for h, _ in problems]),
-        "f": np.array([f for _, f in problems]),
-        "low": -np.ones((count, n)),
-        "high": np.ones((count, n)),
-        "start": np.zeros((count, n)),
-    }
-    runs: dict[str, Callable[[], Array]] = {}
-    for real in ("f64", "f32"):
-        renderer = render_program(box_qp(n), real)
-        runner = HostLibrary(renderer.system, renderer).block("box_qp")
-        runs[f"ours {real}"] = lambda runner=runner: runner.run(inputs, trace=False)[0]["x"]
-    given = {"h": ca.DM(np.hstack([a for a, _ in problems])), "g": ca.DM(inputs["f"].T)}
-    given |= {"lbx": ca.DM(inputs["low"].T), "ubx": ca.DM(inputs["high"].T)}
-    dense = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity(0, n)}
-    peers: dict[str, dict[str, Any]] = {
-        "daqp": {},
-        "qpoases": {"printLevel": "none", "nWSR": 1000},
-        "osqp": {"osqp": {"verbose": False, "eps_abs": 1e-5, "eps_rel": 1e-5}},
-        "proxqp": {"proxqp": {"eps_abs": 1e-5, "verbose": False}},
-    }
-    for name, options in peers.items():
-        solver = ca.conic("peer", name, dense, {"error_on_fail": False, **options}).map(count)
-        runs[name] = lambda solver=solver: np.array(solver(**given)["x"]).T
-    found = {name: run() for name, run in runs.items()}
-    best = np.array([_dense_minimum(h, f) for h, f in problems])
-    us = medians_us(runs, rounds, count)
-    return {
-        name: {
-            "problem_us": us[name],
-            "error": float(np.max(np.abs(found[name] - best))),
-            "ratio": us[name] / us["ours f32"],
-        }
-        for name in runs
-    }
-
-
-def _dense_minimum(h: Array, f: Array) -> Array:
-    # Coordinate descent to the end.
-    x = np.zeros(len(f))
-    for _ in range(20000):
-        before = x.copy()
-        for i in range(len(x)):
-            x[i] = np.clip(x[i] - (h[i] @ x + f[i]) / h[i, i], -1, 1)
-        if np.max(np.abs(x - before)) < 1e-13:
-            break
-    return x
-
-
 def horizon_rows(core: str, lengths: tuple[int, ...] = (5, 10, 20, 40)) -> list[dict[str, int]]:
     """Bound against the horizon's length, and the QP's part of it."""
     device = controller_device("mpc")
@@ -311,7 +244,7 @@ def main() -> None:
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
     parser.add_argument("--json", type=Path, help="also write the numbers")
     chosen = parser.parse_args()
-    found = {"cores": costs(), "box_qp": qp_rows(), "whole_step": step_times("mpc")}
+    found = {"cores": costs(), "whole_step": step_times("mpc")}
     if chosen.horizons:
         found["horizons"] = horizon_rows("Cortex-M4F")
     text = json.dumps(found, indent=1)

@@ -42,9 +42,37 @@ def test_a_step_of_the_adaptation(drive):
     )
 
 
+def swings_on(wanted, rate, acc, trust, q, means, ends_s):
+    """A sine through three equal lags, taken back by its own differential equation."""
+    if not ends_s:
+        return []
+    rates, accs, effort = means.values()
+    T = np.minimum(TS * (1 / q - 0.75), 0.012)
+    seen = np.minimum(accs / (rates + 1e-6), (8 * math.pi) ** 2)
+    w = np.minimum(np.sqrt(seen / (1 - (3 * T) ** 2 * seen)), 8 * math.pi)
+    pair = np.array([rate - 3 * T * acc, acc])
+    for _ in range(3):
+        pair = pair + T * np.array([pair[1], -(w**2) * pair[0]])
+    less = clip((0.78**2 - effort) / (0.78**2 - 0.65**2), 0, 1)
+    share = 1 - trust * (1 - less) / (1 + (math.pi / np.maximum(w, 1e-9)) ** 4)
+    apart = np.maximum(w**2, 1)
+    ahead = []
+    for t in ends_s:
+        turn = np.minimum(w * t, 1.5 * math.pi)
+        time = np.minimum(1.5 * math.pi / np.sqrt(apart), t)
+        moved = (
+            t * np.sinc(turn / math.pi) * pair[0]
+            + time**2 / 2 * np.sinc(turn / 2 / math.pi) ** 2 * pair[1]
+        )
+        ahead.append(
+            wanted + (1 - share) * pair[1] / apart + share * trust * math.exp(-t / 2) * moved
+        )
+    return ahead
+
+
 @pytest.mark.parametrize("ends_s", [(), (0.022, 0.2, 1.0)])
 def test_a_step_of_the_trend(drive, ends_s):
-    """[trend 1] to [trend 5]: a median of three, noise that slows it down, steps set aside."""
+    """[trend 1] to [trend 10]: a median of three, noise that slows it down, steps set aside."""
 
     def together(s, u, rng):
         # Increments of the size of what counts as a step, and rates that are believed.
@@ -53,10 +81,14 @@ def test_a_step_of_the_trend(drive, ends_s):
         s["noise_Nm"] *= 0.01 * rng.random(COUNT)
         for name in ("rate_Nm_s", "acc_Nm_s2", "miss_Nm"):
             s[name] *= rng.choice([1.0, 0.01], COUNT)
+        if ends_s:
+            s["accs_Nm2_s4"][:] = np.minimum(
+                1e6, 10 ** rng.uniform(0, 3, COUNT) * s["rates_Nm2_s2"]
+            )
 
     run = Steps(trend(drive, ends_s), together=together)
     s, u = run.s, run.u
-    turn = 2 * math.pi * 3
+    turn = 2 * math.pi * (4 if ends_s else 3)
     rate_most, acc_most = turn * FULL, turn**2 * FULL
     np.testing.assert_allclose(run.c.quick, 1 - exp(-2 * math.pi * TS * run.t.bandwidth_Hz))
     np.testing.assert_allclose(run.c.noises_1_Nm, 1 / run.t.quiet_Nm)
@@ -79,9 +111,15 @@ def test_a_step_of_the_trend(drive, ends_s):
     near = (abs(abs(rate) / rate_most - 1) < 1e-6) | (abs(abs(acc) / acc_most - 1) < 1e-6)
     rate, acc = clip(rate, -rate_most, rate_most), clip(acc, -acc_most, acc_most)
     trust = 1 / (1 + (np.minimum(per * noise, 100) / 10) ** 2)
-    # The integrals of exp(-x) and x exp(-x) to the end of each interval, in seconds.
-    gone = [(1 - math.exp(-e)) * rate + (1 - (1 + e) * math.exp(-e)) * acc for e in ends_s]
-    ahead = [clip(u.tau_wanted_Nm + trust * x, -TAU, TAU) for x in gone]
+    means = {}
+    if ends_s:
+        values = {"rates_Nm2_s2": rate, "accs_Nm2_s4": acc, "effort": u.u_Nm / 0.221}
+        means = {
+            f"next_{n}": vars(s)[n] + lag(0.5, TS) * (v**2 - vars(s)[n]) for n, v in values.items()
+        }
+    ahead = [
+        clip(x, -TAU, TAU) for x in swings_on(u.tau_wanted_Nm, rate, acc, trust, q, means, ends_s)
+    ]
     miss_most = 4 * TAU
     run.compare(
         {
@@ -94,7 +132,7 @@ def test_a_step_of_the_trend(drive, ends_s):
             "next_miss_Nm": clip(p**3 * miss, -miss_most, miss_most),
             "next_rate_Nm_s": rate,
             "next_acc_Nm_s2": acc,
-            **({"y_tau_ahead_Nm": np.array(ahead)} if ends_s else {}),
+            **({"y_tau_ahead_Nm": np.array(ahead)} | means if ends_s else {}),
             "y_tau_rate_Nm_s": rate,
             "y_tau_curve_Nm_s2": acc,
             "y_trust": trust,

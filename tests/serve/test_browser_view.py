@@ -6,12 +6,15 @@ import asyncio
 import json
 import math
 import signal
+import socket
 import subprocess
 import sys
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import pytest
 from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from esea_gen.errors import UserError
 from esea_host.serve import BrowserView, browser_view
@@ -82,6 +85,19 @@ def test_stop_reaches_the_board_and_only_the_board_confirms_it(feed, url, tab, k
     assert "in the browser at 127.0.0.1" in seen(tab, "said")
 
 
+def test_stop_before_the_first_picture(feed, url, tab, monkeypatch):
+    def closed(*_):
+        raise WebSocketClosedError
+
+    stops = []
+    monkeypatch.setattr(feed, "stop", lambda: stops.append(1))
+    monkeypatch.setattr(BrowserView, "picture", closed)
+    tab.opened(url, 1024, "light")
+    until(lambda: not tab.evaluate("page.stop.disabled"))
+    tab.call("Input.dispatchKeyEvent", type="keyDown", key=" ")
+    until(lambda: stops == [1])
+
+
 @pytest.mark.parametrize("size_px", [(1366, 768), (1920, 1080), (1024, 768), (400, 800)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_everything_fits_and_stop_is_complete(feed, url, tab, size_px, scheme):
@@ -127,6 +143,19 @@ def test_pictures_have_each_bin_once_with_its_extremes(feed):
     assert len(whole) > 80
     for n in whole:
         assert sorted(drawn[n]) == pytest.approx([min(binned[n]), max(binned[n])], abs=1e-4)
+
+
+def test_silent_connections_and_odd_paths_leave_the_server_as_it_is(url, caplog):
+    port = int(url.partition("/#")[0].rpartition(":")[2])
+    for path in ("a%00b", "%2e%2e/__init__.py", "../__init__.py", "%ff"):
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(f"http://127.0.0.1:{port}/{path}", timeout=60)
+    assert "Traceback" not in caplog.text
+    lines = [socket.create_connection(("127.0.0.1", port)) for _ in range(80)]
+    lines[-1].settimeout(60)
+    assert lines[-1].recv(1) == b""  # closed at once: files are left for a recording
+    for line in lines:
+        line.close()
 
 
 def asked(url, *messages, **headers):

@@ -14,7 +14,6 @@ from esea_gen.device import load_device, parse_device
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import previews
 from esea_gen.twin.trajectories import Trajectory
-from tests.conftest import zeroed_device
 
 # -- from outside and to the outside ---------------------------------------------------------------
 
@@ -26,7 +25,7 @@ DEVICES = ("elbow_drive", "elbow_mpc")
 
 @pytest.fixture(scope="module")
 def systems():
-    return {name: zeroed_device(name).system for name in DEVICES}
+    return {name: load_device(name).system for name in DEVICES}
 
 
 # -- time ------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -10,8 +11,13 @@ import pytest
 from esea_host.connection.receiver import Batch
 from esea_host.recording import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
-from esea_host.windows.feed import RowRing, curve, spans
+from esea_host.simulated import LockstepDevice, SimulatedBoard
+from esea_host.windows.feed import LiveFeed, RowRing, curve, spans
+from esea_host.windows.signals import AxisColumns
 from esea_host.windows.trigger import SINGLE, Trigger, crossings
+from tests.conftest import require_tool
+from tests.control.test_motor_temperature import warm_text
+from tests.windows.test_host_live import run_for
 
 LAYOUT = StreamLayout("sense_out", (StreamColumn("sequence", "u4"), StreamColumn("tau_Nm")))
 
@@ -132,3 +138,20 @@ def test_a_sine_is_a_peak_of_its_amplitude():
     assert size[np.argmin(abs(f_Hz - 100.0))] == pytest.approx(0.01, rel=0.02)
     part.after_gap[5980] = True  # too little is left behind it
     assert len(amplitudes(part, values)[0]) == 0
+
+
+def test_a_motor_that_is_warm_is_seen(tmp_path):
+    require_tool("gcc")
+    (tmp_path / "warm.toml").write_text(warm_text(), encoding="utf-8")
+    with closing(SimulatedBoard(str(tmp_path / "warm.toml"))) as board:
+        device = LockstepDevice(board)
+        with closing(LiveFeed(device, threaded=False)) as feed:
+            run_for(device, feed, 0.4)
+            feed.came_s = math.inf
+            columns = AxisColumns(feed)
+            newest = {name: ring.last() for name, ring in feed.rings.items()}
+            told = dict(columns.readouts("", newest))
+            acts = [f.name for stream, f in columns.flags("") if f.held(newest[stream].rows)[-1]]
+    assert 110 < float(told["winding [\u00b0C]"]) <= 125
+    assert 5 <= float(told["torque left [%]"]) < 100
+    assert "derated" in acts

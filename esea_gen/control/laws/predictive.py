@@ -148,7 +148,7 @@ def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[
         wanted = {n: f"ahead.{n}" for n in names}
     return {
         "parabola": {"tau_h_Nm": "human.tau_h_Nm"},
-        "trend": {"tau_wanted_Nm": "reference.tau_wanted_Nm"},
+        "trend": {"tau_wanted_Nm": "reference.tau_wanted_Nm", "u_Nm": "limits.u_Nm"},
         "ahead": {n: f"reference.{n}" for n in shown}
         | {
             # Of an extrapolated future; a given one comes from outside.

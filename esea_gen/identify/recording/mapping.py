@@ -9,14 +9,16 @@ marked ``assumed`` and appears as such in the device file.
 
 from __future__ import annotations
 
-import difflib
+import math
+import re
 from collections.abc import Iterator
 from collections.abc import Mapping as Numbers
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, cast
 
 from esea_gen.devices.numbers import Quantity, beyond, numbers_of
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.identify.recording.tables import (
     ANGLE,
     BANDWIDTH_SHARE,
@@ -24,11 +26,13 @@ from esea_gen.identify.recording.tables import (
     LENGTH,
     TIME,
     TORQUE,
+    VOLTAGE,
     Mapping,
     RecordingTable,
 )
-from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
+from esea_gen.toml_file import Located, Problem, judged, parse_toml, read_text, table_type, together
 
+RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".parquet", ".json")
 # What says how the channels lie to each other, and may be left to the fit.
 FITTABLE = ("torque.lag_s", "deflection.backlash_rad", "deflection.dead_zone_rad")
 
@@ -50,7 +54,8 @@ class MappingFile:
     def Nm_per_unit(self) -> float:
         """Newton-metres per recorded number, sign included."""
         t = self.mapping.torque
-        si = {**FORCE, **TORQUE}[t.unit]
+        cell = t.sensitivity_mV_per_N
+        si = {**FORCE, **TORQUE}.get(t.unit) or VOLTAGE[t.unit] / (cell.value if cell else 1.0)
         sign = 1 if t.sign == "fit" else t.sign
         return sign * si * (t.scale_Nm_per_N.value if t.scale_Nm_per_N else 1.0)
 
@@ -81,7 +86,7 @@ class MappingFile:
                     what = "matches no file" if pattern else "does not exist"
                     raise UserError(
                         f"{self.origin}: recording[{i}].files: '{name}' {what} in '{self.folder}'.",
-                        _suggest(name, _neighbours(self.folder / name))
+                        nearest(Path(name).name, _neighbours(self.folder / name))
                         + "Correct the path, or give the folder of the data with --data.",
                     )
                 for path in found:
@@ -102,17 +107,17 @@ def _neighbours(path: Path) -> list[str]:
         return []
 
 
-def _suggest(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(Path(name).name, known, n=1)
-    return f"Did you mean {close[0]}? " if close else ""
-
-
 def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> MappingFile:
     path = Path(path)
+    if path.suffix.lower() in RECORDINGS and path.is_file():
+        raise UserError(
+            f"'{path}' is a recording, not a mapping file.",
+            f"Let esea-gen identify {path} propose its mapping, then give that.",
+        )
     if not path.is_file():
         raise UserError(
             f"There is no mapping file '{path}'.",
-            _suggest(path.name, _neighbours(path)) + "Give the path of a TOML file.",
+            nearest(path.name, _neighbours(path)) + "Give the path of a TOML file.",
         )
     folder = Path(data_folder) if data_folder is not None else path.parent
     if not folder.is_dir():
@@ -123,127 +128,172 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 
 def parse_mapping(text: str, origin: str) -> Mapping:
     document = parse_toml(text, origin, "docs/identify.md")
-    mapping = checked(Mapping, document, origin, _fix, text)
-    for key, q, facts in numbers_of(mapping):
+    mapping, problems = judged(Mapping, document, _fix)
+    found = mapping or _sound_tables(document)
+    for key, q, facts in numbers_of(found):
         assert isinstance(q, Quantity)
-        problem = beyond(key, q.value, facts)
-        if problem is not None:
-            raise UserError(f"{origin}: {problem.what}", problem.fix)
-    _check_units(origin, mapping)
-    _check_sampling(origin, mapping)
-    _check_temperature(origin, mapping)
-    _check_text(origin, mapping)
+        if problem := beyond(key, q.value, facts):
+            problems.append(_wrong(key, problem.what, problem.fix))
+    for check in (_units, _columns, _sampling, _temperatures, _text):
+        problems += check(found)
+    together(problems, origin, text)
+    assert isinstance(mapping, Mapping)
     return mapping
 
 
-def _check_units(origin: str, mapping: Mapping) -> None:
-    d, t, s = mapping.deflection, mapping.torque, mapping.sampling
-    for key, unit, direct, scaled, scale, scale_key, form in (
-        ("deflection", d.unit, ANGLE, LENGTH, d.scale_rad_per_m, "scale_rad_per_m", "an angle"),
-        ("torque", t.unit, TORQUE, FORCE, t.scale_Nm_per_N, "scale_Nm_per_N", "a torque"),
-    ):
-        if unit not in direct and unit not in scaled:
-            raise UserError(
-                f"{origin}: {key}.unit = '{unit}' is not a unit of {key}.",
-                f"Known: {', '.join(direct)} and {', '.join(scaled)}.",
+def _sound_tables(document: dict[str, Any]) -> Any:
+    # Of a mapping with errors, so that contradictions are reported with them: a table that is
+    # wrong or missing is None.
+    found: dict[str, Any] = {}
+    for name, field in Mapping.model_fields.items():
+        key, kind = field.alias or name, cast("type[Any]", field.annotation)
+        found[name] = None if field.is_required() else field.get_default()
+        if key in document:
+            found[name] = judged(kind, document[key], _fix)[0]
+    return Mapping.model_construct(**found)
+
+
+def _wrong(key: str, what: str, fix: str) -> Located:
+    return re.findall(r"\w+", key), UserError(what, fix)
+
+
+def _units(m: Any) -> Iterator[Located]:
+    # Per table: which units are a quantity of what kind, and the scales that such a unit needs.
+    lever = "scale_Nm_per_N"
+    kinds: dict[str, list[tuple[dict[str, float], str, tuple[str, ...]]]] = {
+        "deflection": [(ANGLE, "an angle", ()), (LENGTH, "a length", ("scale_rad_per_m",))],
+        "torque": [
+            (TORQUE, "a torque", ()),
+            (FORCE, "a force", (lever,)),
+            (VOLTAGE, "a voltage", (lever, "sensitivity_mV_per_N")),
+        ],
+    }
+    for name, forms in kinds.items():
+        table = getattr(m, name)
+        if table is None:
+            continue
+        form = next((f for f in forms if table.unit in f[0]), None)
+        if form is None:
+            yield _wrong(
+                f"{name}.unit",
+                f"{name}.unit = '{table.unit}' is not a unit of {name}.",
+                f"Known: {' and '.join(', '.join(f[0]) for f in forms)}.",
             )
-        if unit in scaled and scale is None:
-            raise UserError(
-                f"{origin}: key {key}.{scale_key} is missing: the unit '{unit}' is not {form}.",
-                f'Write {scale_key} = {{ value = 1.0, status = "assumed", source = "why" }}.',
-            )
-        if unit in direct and scale is not None:
-            raise UserError(
-                f"{origin}: {key}.{scale_key} = {scale.value:g} has no meaning: the unit '{unit}' "
-                f"is {form} already.",
-                "Take it out.",
-            )
-    if s.time_unit not in TIME:
-        raise UserError(
-            f"{origin}: sampling.time_unit = '{s.time_unit}' is not a unit of time.",
-            f"Known: {', '.join(TIME)}.",
-        )
-    more = [s.time_column, mapping.temperature and mapping.temperature.column]
-    columns = [d.column, t.column, *(c for c in more if c)]
-    twice = sorted({c for c in columns if columns.count(c) > 1})
-    if twice:
-        raise UserError(
-            f"{origin}: column '{twice[0]}' is named twice, for different quantities.",
+            continue
+        _, kind, needed = form
+        for key in forms[-1][2]:
+            scale = getattr(table, key)
+            if key in needed and scale is None:
+                yield _wrong(
+                    name,
+                    f"key {name}.{key} is missing: the unit '{table.unit}' is not {forms[0][1]}.",
+                    f'Write {key} = {{ value = 1.0, status = "assumed", source = "why" }}.',
+                )
+            elif key not in needed and scale is not None:
+                yield _wrong(
+                    f"{name}.{key}",
+                    f"{name}.{key} = {scale.value:g} has no meaning: the unit '{table.unit}' is "
+                    f"{kind} already.",
+                    "Take it out.",
+                )
+
+
+def _columns(m: Any) -> Iterator[Located]:
+    tables = ("deflection", "torque", "temperature")
+    keys = [*((t, "column") for t in tables), ("sampling", "time_column")]
+    named = [c for table, key in keys if (c := getattr(getattr(m, table), key, None))]
+    for twice in sorted({c for c in named if named.count(c) > 1}):
+        yield _wrong(
+            "torque.column",
+            f"column '{twice}' is named twice, for different quantities.",
             "Each of them has a column of its own.",
         )
 
 
-def _check_sampling(origin: str, mapping: Mapping) -> None:
-    s = mapping.sampling
+def _sampling(m: Any) -> Iterator[Located]:
+    s, device = m.sampling, m.device
+    rate = device.sense_rate_Hz.value if device else math.inf
+    if device and device.bandwidth.value > BANDWIDTH_SHARE * rate:
+        yield _wrong(
+            "device.bandwidth_Hz",
+            f"device.bandwidth_Hz = {device.bandwidth.value:g} Hz is above its limit, a tenth of "
+            f"device.sense_rate_Hz ({BANDWIDTH_SHARE * rate:g} Hz).",
+            "Lower the bandwidth or raise the rate.",
+        )
+    if s is None:
+        return
+    if s.time_unit not in TIME:
+        yield _wrong(
+            "sampling.time_unit",
+            f"sampling.time_unit = '{s.time_unit}' is not a unit of time.",
+            f"Known: {', '.join(TIME)}.",
+        )
     if (s.time_column is None) == (s.period_s is None):
-        raise UserError(
-            f"{origin}: [sampling] has {'both' if s.period_s else 'neither'} time_column and "
-            "period_s.",
+        yield _wrong(
+            "sampling",
+            f"[sampling] has {'both' if s.period_s else 'neither'} time_column and period_s.",
             "Give time_column; or, where no time was recorded, period_s = { value = 0.01, "
             'status = "assumed", source = "why" }.',
         )
     if s.min_step_s is not None and s.time_column is None:
-        raise UserError(
-            f"{origin}: sampling.min_step_s = {s.min_step_s:g} needs a time column.", "Take it out."
+        yield _wrong(
+            "sampling.min_step_s",
+            f"sampling.min_step_s = {s.min_step_s:g} needs a time column.",
+            "Take it out.",
         )
-    rate, bandwidth = mapping.device.sense_rate_Hz.value, mapping.device.bandwidth.value
     if s.fit_rate_Hz is not None and s.fit_rate_Hz > rate:
-        raise UserError(
-            f"{origin}: sampling.fit_rate_Hz = {s.fit_rate_Hz:g} Hz is above its limit, "
+        yield _wrong(
+            "sampling.fit_rate_Hz",
+            f"sampling.fit_rate_Hz = {s.fit_rate_Hz:g} Hz is above its limit, "
             f"device.sense_rate_Hz = {rate:g} Hz.",
             "Lower it, or leave it out.",
         )
-    if bandwidth > BANDWIDTH_SHARE * rate:
-        raise UserError(
-            f"{origin}: device.bandwidth_Hz = {bandwidth:g} Hz is above its limit, a tenth of "
-            f"device.sense_rate_Hz ({BANDWIDTH_SHARE * rate:g} Hz).",
-            "Lower the bandwidth or raise the rate.",
-        )
 
 
-def _check_temperature(origin: str, mapping: Mapping) -> None:
-    given = [r.temperature_C is not None for r in mapping.recording]
-    if any(given) and mapping.temperature is not None:
-        raise UserError(
-            f"{origin}: recording[{given.index(True)}].temperature_C and [temperature] are both "
-            "given.",
-            "Take one of them out.",
-        )
+def _temperatures(m: Any) -> Iterator[Located]:
+    given = [r.temperature_C is not None for r in m.recording or ()]
+    if any(given) and m.temperature is not None:
+        key = f"recording[{given.index(True)}].temperature_C"
+        yield _wrong(key, f"{key} and [temperature] are both given.", "Take one of them out.")
     if any(given) and not all(given):
-        raise UserError(
-            f"{origin}: key recording[{given.index(False)}].temperature_C is missing: other "
-            "recordings have one.",
+        key = f"recording[{given.index(False)}].temperature_C"
+        yield _wrong(
+            key,
+            f"key {key} is missing: other recordings have one.",
             "Give every recording's, or none: one that is not known cannot be told from another.",
         )
 
 
-def _check_text(origin: str, mapping: Mapping) -> None:
-    size = mapping.search.population
-    if size is not None and size & (size - 1):
-        raise UserError(
-            f"{origin}: search.population = {size} is not a power of two.",
+def _text(m: Any) -> Iterator[Located]:
+    size = m.search and m.search.population
+    if size and size & (size - 1):
+        yield _wrong(
+            "search.population",
+            f"search.population = {size} is not a power of two.",
             f"Give {1 << size.bit_length()}, for example.",
         )
-    formats = [("format", mapping.format)]
-    formats += [
-        (f"recording[{i}].format", r.format) for i, r in enumerate(mapping.recording) if r.format
-    ]
+    formats = [("format", m.format)]
+    formats += [(f"recording[{i}].format", r.format) for i, r in enumerate(m.recording or ())]
     for key, f in formats:
-        header = 1 if f.header_line is None else f.header_line
-        if f.first_data_line is not None and f.first_data_line <= header:
-            raise UserError(
-                f"{origin}: {key}.first_data_line = {f.first_data_line} is not below the header "
+        header = 1 if f is None or f.header_line is None else f.header_line
+        if f is not None and f.first_data_line is not None and f.first_data_line <= header:
+            yield _wrong(
+                f"{key}.first_data_line",
+                f"{key}.first_data_line = {f.first_data_line} is not below the header "
                 f"(header_line = {header}).",
                 f"Give {header + 1} or more, or leave it out.",
             )
-    if all(r.use == "train" for r in mapping.recording):
-        raise UserError(
-            f"{origin}: every recording has use = 'train': nothing is held out to judge the fit.",
+    uses = {r.use for r in m.recording or ()}
+    if uses == {"train"}:
+        yield _wrong(
+            "recording[0].use",
+            "every recording has use = 'train': nothing is held out to judge the fit.",
             "Set use = 'held_out' for one, or use = 'cycles' to hold out the last cycles.",
         )
-    if all(r.use == "held_out" for r in mapping.recording):
-        raise UserError(
-            f"{origin}: every recording has use = 'held_out': nothing is left to fit.",
+    if uses == {"held_out"}:
+        yield _wrong(
+            "recording[0].use",
+            "every recording has use = 'held_out': nothing is left to fit.",
             "Set use = 'train' or 'cycles' for one.",
         )
 

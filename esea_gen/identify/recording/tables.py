@@ -17,6 +17,7 @@ LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295}
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "tonf": 9806.65, "lbf": 4.4482216152605}
 TORQUE = {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+VOLTAGE = {"V": 1e3, "mV": 1.0, "uV": 1e-3}  # in mV
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
 
 Use = Literal["cycles", "train", "held_out"]
@@ -117,8 +118,12 @@ class Torque(_Table):
         default=None,
     )
     scale_Nm_per_N: Quantity | None = _limits(
-        1e-9, 1e6, "Newton-metres of coupling per newton on the specimen (forces only).",
+        1e-9, 1e6, "Newton-metres of coupling per newton on the specimen (forces, voltages).",
         default=None,
+    )  # fmt: skip
+    sensitivity_mV_per_N: Quantity | None = _limits(
+        1e-9, 1e6, "Load cell's rated output (mV/V) by excitation (V) over capacity (N); "
+        "voltages only.", default=None,
     )  # fmt: skip
     zero: Literal["none", "first", "mean", "middle"] = Field(
         default="none", description="What is subtracted: nothing, first value, mean, or mid-range."

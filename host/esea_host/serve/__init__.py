@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
+from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
@@ -25,7 +26,7 @@ from esea_host.windows.feed import Floats, LiveFeed, Stretch, board_alarms, link
 from esea_host.windows.meanings import MOTOR_OFF, ROLES, state_text
 from esea_host.windows.signals import LIT_S, READOUTS, AxisColumns, ShownSignal
 
-PORT, MOST_BROWSERS = 8766, 8
+PORT, MOST_BROWSERS, MOST_LINES = 8766, 8, 64
 KEPT_S, BIN_S, PICTURE_S, LATE_BINS = 10.0, 0.02, 0.1, 2
 FOLDER = Path(__file__).parent / "page"
 
@@ -34,6 +35,14 @@ class _Style(RequestHandler):
     def get(self) -> None:
         self.set_header("Content-Type", "text/css")
         self.finish(self.render_string(str(FOLDER / "page.css"), theme=theme))
+
+
+class _Server(HTTPServer):
+    def handle_stream(self, stream: IOStream, address: tuple[str, int]) -> None:
+        if len(self._connections) < MOST_LINES:  # a recording needs files, too
+            super().handle_stream(stream, address)
+        else:
+            stream.close()
 
 
 class _Live(WebSocketHandler):
@@ -155,15 +164,16 @@ def browser_view(feed: LiveFeed, listen: str, port: int = PORT) -> Iterator[str]
 
     async def serve() -> None:
         files = {"path": FOLDER, "default_filename": "index.html"}
+        page = r"/([a-zA-Z][\w.-]*|)", StaticFileHandler, files
         application = Application(
-            [("/live", _Live), ("/page.css", _Style), ("/(.*)", StaticFileHandler, files)],
+            [("/live", _Live), ("/page.css", _Style), page],
             view=view,
             log_function=lambda _: None,
             websocket_max_message_size=64,
             websocket_ping_interval=5,
         )
         limits = {"max_header_size": 8192, "max_body_size": 64, "idle_connection_timeout": 10}
-        server = HTTPServer(application, **limits)
+        server = _Server(application, **limits)
         server.add_sockets(sockets)
         await ended.wait()
         server.stop()

@@ -45,7 +45,7 @@ function take(given) {
 }
 
 function stop() {
-  if (!head?.drives) return;
+  if (head && !head.drives) return;
   if (open()) socket.send("stop");
   else unsent = true;
   pressed ||= performance.now();
