@@ -72,6 +72,7 @@ def run_tool(
 ) -> subprocess.CompletedProcess[str]:
     """A program run to its end, and what it said; with ``failed``, an error where it fails."""
     words = [str(word) for word in command]
+    more |= {"env": os.environ | {"LC_ALL": "C"}}  # what is looked for in messages is English
     done = subprocess.run(
         words, cwd=folder, capture_output=True, text=True, errors="replace", check=False, **more
     )

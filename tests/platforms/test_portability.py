@@ -12,6 +12,7 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import Bundle, write_bundles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.hostlib.compiler import compile_sources
 from esea_host.connection.address import open_transport, parse_address
 
 WORDS = ("con", "NUL", "aux.csv", "Prn", "COM1", "com9.x", "lpt1", "com0", "com10", "console", "a")
@@ -47,6 +48,21 @@ def test_a_file_that_another_program_has_open(monkeypatch, tmp_path):
     kept = next(p for p in tmp_path.iterdir() if p != path)
     assert (path.read_text(), kept.read_text()) == ("old", "new")
     assert str(kept) in told.value.fix
+
+
+@pytest.mark.skipif(not portability.TERMINALS, reason="a shell script stands in for gcc")
+def test_a_compiler_that_speaks_another_language(monkeypatch, tmp_path):
+    script = tmp_path / "gcc"
+    script.write_text(
+        '#!/bin/sh\n[ "$1" = --version ] && echo gcc 1 && exit\n'
+        '[ "$LC_ALL" = C ] && echo No space left on device >&2 || echo Kein Platz >&2\nexit 1\n'
+    )
+    script.chmod(0o755)
+    for name, value in {"PATH": str(tmp_path), "LC_ALL": "de_DE.UTF-8", "LANGUAGE": "de"}.items():
+        monkeypatch.setenv(name, value)
+    with pytest.raises(OSError, match="space") as told:
+        compile_sources({"a.c": "int a;"})
+    assert told.value.errno == errno.ENOSPC
 
 
 def test_a_folder_that_cannot_be_replaced_is_still_there(monkeypatch, tmp_path):

@@ -5,10 +5,12 @@ What this cannot show is listed on the page docs/install.md.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,7 @@ DEEP = Path("\u00dcbung 1", "x" * 150, "y" * 150)  # longer than Windows' old li
 def there(*command: str) -> subprocess.Popen[bytes]:
     paths = (ROOT / "tests" / "platforms" / "windows", ROOT, ROOT / "host")
     changed = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONIOENCODING": PAGE}
+    changed["TZ"] = "Pacific/Kiritimati"  # 14 h ahead of UTC
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
     return subprocess.Popen([sys.executable, *command], env=os.environ | changed, **pipes)
 
@@ -91,9 +94,13 @@ def test_a_board_over_tcp_recorded_and_replayed():
 
 
 def test_a_study_without_windows():
+    began = datetime.now(UTC)
     protocol = ROOT / "host" / "esea_host" / "wrist" / "protocol.toml"
     done("esea_host", "study", "create", protocol, "s", "--simulated")
     done("esea_host", "study", "enrol", "s", "P01", "--consent")
     done("esea_host", "study", "run", "s", "P01", "--headless")
     assert "bit for bit" in done("esea_host", "study", "replay", "s", "P01")
     done("esea_host", "study", "export", "s", "out")
+    events = Path("s/P01/session-1/events.jsonl").read_text(encoding="utf-8").splitlines()
+    times = [datetime.fromisoformat(json.loads(line)["utc"]) for line in events[1:]]
+    assert began - timedelta(seconds=1) < min(times) <= max(times) <= datetime.now(UTC)
