@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -21,8 +21,8 @@ from esea_gen.device import load_device
 from esea_host.cli import app as host
 from esea_host.commissioning import CommissioningBench, SimulatedHands
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from esea_host.simulated.moteus import MoteusJoint, serve_drive
-from esea_host.simulated.server import Terminal, serve_hosts
+from esea_host.simulated.moteus import MoteusJoint
+from esea_host.simulated.server import serve_hosts
 from tests.conftest import ROOT, require_tool
 from tests.moteus_bench import MoteusBoard
 
@@ -36,6 +36,7 @@ COMMANDS = [
     for line in text.splitlines()
 ]
 NAME = "my_joint"
+ELF = f"out/esea_{NAME}_linux.elf"
 
 
 def commands(*first: str) -> list[list[str]]:
@@ -62,16 +63,12 @@ def folder(tmp_path_factory):
         yield Path.cwd()
 
 
-def test_no_command_is_left_out(folder):
-    covered = [commands("pip"), commands("esea-gen"), commands("esea-host", "sim-moteus")]
+def test_no_command_is_left_out():
+    (pip,) = commands("pip")
+    assert pip[-1] == "esea-gen[host,moteus]"
+    covered = [commands("esea-gen"), commands("esea-host", "sim-moteus"), commands(ELF)]
     covered += [commands("esea-host", "commission"), commands("esea-host", "view")]
-    covered += [commands(f"out/esea_{NAME}_linux.elf")]
-    assert sorted(c for part in covered for c in part) == sorted(COMMANDS)
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    ((_, _, wanted),) = commands("pip")
-    assert (
-        set(re.search(r"\[(.+)\]", wanted)[1].split(",")) <= extras["optional-dependencies"].keys()
-    )
+    assert sorted(c for part in covered for c in part) == sorted(c for c in COMMANDS if c != pip)
 
 
 def test_the_pages_settings_are_those_of_the_device_file(folder):
@@ -80,40 +77,43 @@ def test_the_pages_settings_are_those_of_the_device_file(folder):
     assert [line.lstrip("# ") for line in last] == shown.splitlines()
 
 
-def test_the_rehearsal_prints_ticks_and_lost_ones(folder):
+def started(folder, command: list[str], places: dict[str, str]) -> subprocess.Popen:
+    """A command of the page as a program, with other places and times than the page's."""
+    host_cli = [sys.executable, "-m", "esea_host.cli"]
+    words = [places.get(w, w) for w in command]
+    words = [*host_cli, *words[1:]] if words[0] == "esea-host" else words
+    pipe = subprocess.PIPE
+    return subprocess.Popen(words, cwd=folder, text=True, stdout=pipe, stderr=pipe)
+
+
+@pytest.mark.parametrize(
+    ("places", "code", "words"),
+    [
+        ({}, 0, r"\d+ ticks, \d+ lost, latest \d+.*\d+ ticks with a reply, at most \d+ without"),
+        ({ELF: "none.elf"}, 2, "does not run"),
+        ({ELF: sys.executable}, 1, ""),
+    ],
+)
+def test_the_rehearsal_prints_ticks_and_lost_ones(folder, places, code, words):
     (command,) = commands("esea-host", "sim-moteus")
-    command = [sys.executable, "-m", "esea_host.cli", *command[1:]]
-    command[command.index("--seconds") + 1] = "3"
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"\d+ ticks, \d+ lost, latest \d+", done.stderr)
-    assert re.search(r"\d+ ticks with a reply, at most \d+ without", done.stderr)
-    for program, code, words in (("none.elf", 2, "does not run"), (sys.executable, 1, "")):
-        command[command.index("--program") + 1] = program
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == code, done.stderr
-        assert words in done.stderr
+    program = started(folder, command, {"60": "8"} | places)
+    _, said = program.communicate()
+    assert (program.returncode, bool(re.search(words, said, re.DOTALL))) == (code, True), said
 
 
 def test_the_firmware_starts_on_the_drives_adapter(folder):
-    (command,) = commands(f"out/esea_{NAME}_linux.elf")
-    line, over = Terminal(), threading.Event()
-    places = {"tcp:5760": "tcp:0", "serial:/dev/ttyACM0": f"serial:{line.name}"}
-    joint = MoteusJoint(f"{NAME}.toml", person="none")
-    adapter = threading.Thread(target=serve_drive, args=(joint, line, over.is_set))
-    adapter.start()
-    try:
-        command = [places.get(word, word) for word in command]
-        with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as board:
+    """Of the emulated one, which without a program prints its address."""
+    (command,), (rehearsed,) = commands(ELF), commands("esea-host", "sim-moteus")
+    with started(folder, rehearsed[:5], {}) as adapter:
+        at = adapter.stdout.readline().split()[-1]
+        places = {"tcp:5760": "tcp:0", "serial:/dev/ttyACM0": at}
+        with started(folder, command, places) as board:
             while "drive: moteus" not in (said := board.stderr.readline()):
                 assert said
             board.send_signal(signal.SIGTERM)
             assert "ticks" in board.stderr.read()
-            assert board.wait() == 0
-    finally:
-        over.set()
-        adapter.join()
-        line.close()
+        adapter.send_signal(signal.SIGINT)
+    assert (board.returncode, adapter.returncode) == (0, 0)
     assert (folder / "joint.kept").stat().st_size > 0
 
 
@@ -142,17 +142,11 @@ def test_each_step_passes_with_hands_that_do_what_is_asked(folder, machine, monk
     def bench(board, hands_, say, axis):
         return CommissioningBench(board, hands, say, board.advance, True, axis)
 
-    class Opened:
-        def __init__(self, address, device, key):
-            assert (address, device) == ("tcp:127.0.0.1:5760", f"{NAME}.toml")
+    def opened(address, device, key):
+        assert (address, device) == ("tcp:127.0.0.1:5760", f"{NAME}.toml")
+        return nullcontext(machine)
 
-        def __enter__(self):
-            return machine
-
-        def __exit__(self, *why):
-            pass
-
-    monkeypatch.setattr("esea_host.cli.commission.open_device", Opened)
+    monkeypatch.setattr("esea_host.cli.commission.open_device", opened)
     monkeypatch.setattr("esea_host.cli.commission.CommissioningBench", bench)
     said = invoked(host, [*command, "--settle", "2", "--judge", "1", "--repeats", "2"])
     steps = [b for a, b in itertools.pairwise(command) if a == "--step"]
@@ -163,15 +157,14 @@ def test_each_step_passes_with_hands_that_do_what_is_asked(folder, machine, monk
 
 def test_the_live_view_opens_last(folder, machine):
     (command,) = commands("esea-host", "view")
-    picture = folder / "view.png"
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        places = {"tcp:127.0.0.1:5760": f"tcp:127.0.0.1:{listener.getsockname()[1]}"}
         server = threading.Thread(target=serve_hosts, args=(machine.drive, listener, 1.0, True))
         server.start()
-        command = [sys.executable, "-m", "esea_host.cli", *(places.get(w, w) for w in command[1:])]
-        command += ["--seconds", "1", "--screenshot", str(picture)]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        at = f"tcp:127.0.0.1:{listener.getsockname()[1]}"
+        command = [*command, "--seconds", "1", "--screenshot", "view.png"]
+        program = started(folder, command, {"tcp:127.0.0.1:5760": at})
+        _, said = program.communicate()
     server.join()
-    assert done.returncode == 0, done.stderr
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert program.returncode == 0, said
+    assert (folder / "view.png").read_bytes().startswith(b"\x89PNG")
     assert machine.drive.board.state_now not in ("ARMED", "ACTIVE")

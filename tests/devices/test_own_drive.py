@@ -262,16 +262,25 @@ def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_pat
     assert made.timing.control_rate_Hz.value == 250
 
 
-@pytest.mark.parametrize(("kit", "peak_A"), [("moteus-c1", 20.0), ("moteus-n1", 22.5)])
-def test_of_a_motor_that_is_named_only_the_joint_is_asked(monkeypatch, tmp_path, kit, peak_A):
+@pytest.mark.parametrize(
+    ("kit", "peak_A", "status"),
+    [
+        ("c1", 20.0, "published"),
+        ("n1", 22.5, "published"),
+        ("c1 --give u_max_Nm=.2", 7.3, "assumed"),
+    ],
+)
+def test_of_a_motor_that_is_named_only_the_joint_is_asked(
+    monkeypatch, tmp_path, kit, peak_A, status
+):
     """The maker's words: torque constant 3/2 / sqrt(3) * 60 / (2 pi) over Kv, of the mj5208 304."""
-    said = asked(monkeypatch, tmp_path, "--motor", kit, typed="\n" * 8)
+    said = asked(monkeypatch, tmp_path, "--motor", *f"moteus-{kit}".split(), typed="\n" * 8)
     assert "8 numbers; Enter takes the one in brackets" in said
     assert "Gear ratio from motor shaft to joint: gear_ratio, 1 to 1000, such as 30" in said
     a = load_device(tmp_path / "mine.toml").file.actuator
     constant = 1.5 / math.sqrt(3) * 60 / (2 * math.pi) / 304
-    assert a.u_max_Nm.value == pytest.approx(peak_A * constant, rel=4e-3)
-    assert (a.u_max_Nm.status, a.gear_ratio.status) == ("published", "assumed")
+    assert a.u_max_Nm.value == pytest.approx(peak_A * constant, rel=1e-2)
+    assert (a.u_max_Nm.status, a.gear_ratio.status) == (status, "assumed")
     assert a.J_kgm2.value == pytest.approx(5.6e-5 * 30**2)
     settings = dict(
         line.split()[-2:]
@@ -279,19 +288,9 @@ def test_of_a_motor_that_is_named_only_the_joint_is_asked(monkeypatch, tmp_path,
         if "conf set" in line
     )
     assert settings["servo.timeout_mode"] == "0"
-    assert float(settings["servo.max_current_A"]) == pytest.approx(peak_A, rel=1e-3)
+    assert float(settings["servo.max_current_A"]) == pytest.approx(peak_A, rel=1e-2)
     ratio = float(settings["motor_position.rotor_to_output_ratio"])
     assert ratio * a.gear_ratio.value == pytest.approx(1, rel=1e-6)
-
-
-def test_less_torque_than_the_motors_lowers_the_drives_current(monkeypatch, tmp_path):
-    less = ("--motor", "moteus-c1", "--give", "u_max_Nm=0.2")
-    asked(monkeypatch, tmp_path, *less, typed="\n" * 8)
-    text = (tmp_path / "mine.toml").read_text()
-    assert re.search(r"u_max_Nm = .*value = 0.2, status = \"assumed\", source = \"yours", text)
-    assert float(re.search(r"max_current_A (\S+)", text)[1]) == pytest.approx(
-        0.2 * 304 / 8.27, 0.01
-    )
 
 
 def test_a_motor_that_is_not_stored_or_gives_less_is_refused(monkeypatch, tmp_path):

@@ -26,7 +26,7 @@
 #define WATCHDOG_S 0.02f /* a drive that hears nothing for so long lets go */
 #define SILENT_TICKS 4u /* one more than the encoders' Blocks bridge */
 #define WRONG_TICKS 20u /* in a mode that was not asked for, or limited */
-#define PATIENCE_MS 500
+#define PATIENCE_MS 2000
 #define TRIES 100u
 
 static esea_moteus_t drive;
