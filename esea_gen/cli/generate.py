@@ -63,7 +63,7 @@ def build(
     loaded = esea_gen.load_device(device, controller)
     target = folder or GENERATED / loaded.name
     with progress_line() as say:
-        say(f"{loaded.name}: rendering; ranges of a new q31 device take some twenty seconds")
+        say(f"{loaded.name}: rendering; ranges of a new q31 device take some ten seconds")
         bundles = _bundles(loaded, real, linked)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())

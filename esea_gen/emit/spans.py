@@ -432,10 +432,8 @@ def _result(
     # A node's Span, and the assumption that a comparison is.
     kernel = rounding.kernel
     n = kernel.nodes[i]
-    stored = rounding.stored(i)
-    if stored:
-        more = [stored.get(k) for k in range(len(v))]
-        v = [Span(x.low, x.high, x.a + e, x.r) if e else x for x, e in zip(v, more, strict=True)]
+    if own := rounding.stored(i):
+        v = [Span(x.low, x.high, x.a + own[k], x.r) if k in own else x for k, x in enumerate(v)]
     if n.op in COMPARES:
         found = _decided(n.op, *v)
         open_ = numeric and bool(np.any(found.low != found.high)) and not rounding.settled(i, v)

@@ -9,7 +9,7 @@ import numpy as np
 
 from esea_gen.emit.fixed.elementary import EXPONENT_ERROR
 from esea_gen.emit.fixed.plan import BlockPlan, coefficients_raw
-from esea_gen.emit.fixed.values import LoweredKernel
+from esea_gen.emit.fixed.values import LoweredKernel, Value
 from esea_gen.emit.spans import Known, RangeError, Rounding, Span, numeric_nodes, span
 from esea_gen.emit.step_errors import (
     BEYOND,
@@ -39,27 +39,22 @@ class FixedRounding(Rounding):
         """Exact: how it is stored depends on who uses it."""
         return span(value, value, 0.0, boxes)
 
-    def _reach(self, i: int) -> tuple[float, float]:
-        # What is emitted never leaves its proven interval.
+    def _own(self, i: int) -> Value:
         own = self.lowered.values[i]
         assert own is not None
-        return own.reach
+        return own
 
     def read(self, i: int, x: Span) -> Span:
         """An input; a coefficient, which passes no check, has its raw range."""
-        return x if x.reach is not None else replace(x, reach=self._reach(i))
+        return x if x.reach is not None else replace(x, reach=self._own(i).reach)
 
     def stored(self, i: int) -> Mapping[int, float]:
         """Errors of the operands that are constants."""
-        own = self.lowered.values[i]
-        assert own is not None
-        return own.constants
+        return self._own(i).constants
 
     def key(self, i: int) -> Hashable:
         """Errors of its own, and the range."""
-        own = self.lowered.values[i]
-        assert own is not None
-        return own.rounding
+        return self._own(i).rounding
 
     def exponent_error(self, exponent: float) -> float:
         """Half of 2^-27."""
@@ -67,8 +62,7 @@ class FixedRounding(Rounding):
 
     def finished(self, i: int, operands: Sequence[Span], x: Span) -> Span:
         """With the errors that the operation adds."""
-        own = self.lowered.values[i]
-        assert own is not None
+        own = self._own(i)
         more = 1 + own.relative
         a, r = x.a * more + own.local, x.r * more + own.relative
         # Away from zero a small absolute error is carried as a relative one: products and quotients
@@ -80,7 +74,8 @@ class FixedRounding(Rounding):
             share = a / np.where(away, least, 1.0)
             use = away & (share <= np.maximum(8 * r, 2.0**-30))
             a, r = np.where(use, 0.0, a), np.where(use, r + share, r)
-        return Span(x.low, x.high, a, r, self._reach(i))
+        # What is emitted never leaves its proven interval.
+        return Span(x.low, x.high, a, r, own.reach)
 
     def settled(self, i: int, operands: Sequence[Span]) -> bool:
         """Of exact numbers that the comparison does not round."""

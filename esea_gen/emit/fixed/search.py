@@ -325,7 +325,6 @@ def _searched(planner: Planner) -> BlockPlan:
         narrower = _still_bounded(planner, fewer, found, ceiling)
         if narrower is None and len(group) > 1:
             many = len(group) // 2
-            continue
-        best, many = narrower or best, 2 * many if narrower else 1
-        waiting = waiting[len(group) :]
+        else:
+            best, waiting, many = narrower or best, waiting[many:], 2 * many if narrower else 1
     return best

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cache, cached_property
 
@@ -70,9 +70,7 @@ class Value:
     def called(self, name: str) -> Value:
         """It by a name: for one name always the same object, which keeps what is derived of it."""
         if name not in self._called:
-            e = ex.named(name, self.expr)
-            own = self.fraction, self.local, self.relative, self.constants
-            self._called[name] = Value(e, *own)
+            self._called[name] = replace(self, expr=ex.named(name, self.expr))
         return self._called[name]
 
 
