@@ -18,6 +18,7 @@ import pytest
 import esea_gen
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.recording.mapping import parse_mapping
+from tests.browser import browser
 from tests.conftest import ROOT, load_file, require_module, require_tool
 from tests.typed import typed
 
@@ -443,3 +444,19 @@ def test_every_page_in_docs_is_in_the_menu(site):
     index = (site / "index.html").read_text(encoding="utf-8")
     for page in DOCS.glob("*.md"):
         assert re.search(rf'href="(?:\./)?{page.stem}\.html"', index), page.name
+
+
+@pytest.mark.ci
+def test_pages_fit_a_telephone_and_a_desk(site, tmp_path):
+    """No page scrolls sideways; on a desk no table does, and identifiers in cells stay whole."""
+    wide = """[...document.querySelectorAll('.md-typeset__scrollwrap')].filter(
+        w => w.scrollWidth > w.clientWidth + 1).length"""
+    split = """[...document.querySelectorAll('td code')].filter(
+        c => /^\\w+$/.test(c.innerText) && c.getClientRects().length > 1).length"""
+    with browser(tmp_path) as b:
+        for page in ("index", "device-file", "states", "first-controller"):
+            for width in (400, 1366, 1920):
+                b.opened(site / f"{page}.html", width, "light")
+                assert b.evaluate("document.documentElement.scrollWidth") == width, page
+                assert b.evaluate(split) == 0, (page, width)
+                assert width == 400 or b.evaluate(wide) == 0, (page, width)
