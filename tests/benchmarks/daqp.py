@@ -1,6 +1,6 @@
 """The box QP against DAQP's own C, in one run: ratios for n = 5 to 30 in f64 and f32.
 
-    python -m tests.benchmarks.daqp FOLDER [--json FILE]
+    python -m tests.benchmarks.daqp FOLDER
 
 FOLDER holds ``src`` and ``include`` of https://github.com/darnstrom/daqp.  Both sides are compiled
 with the same flags and loop over the problems in C; both are given a new Hessian and a cold start
@@ -10,7 +10,6 @@ each time, and neither allocates memory there.  Times are the thread's own, in t
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -130,16 +129,15 @@ def rows(folder: Path, count: int = 200, rounds: int = 41) -> list[dict[str, Any
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--json", type=Path, help="also write the numbers")
     chosen = parser.parse_args()
+    if not (chosen.folder / "src" / "api.c").is_file():
+        parser.error(f"{chosen.folder} holds no src/api.c: give DAQP's source folder.")
     found = rows(chosen.folder)
     for r in found:
         print(
             "n {n:2} {real}: {ours_us:.2f} us, DAQP {daqp_us:.2f} us, DAQP over ours {ratio:.2f},"
             " minima {apart:.0e} apart".format(**r)
         )
-    if chosen.json:
-        chosen.json.write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":
