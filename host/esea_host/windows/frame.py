@@ -163,12 +163,11 @@ def labelled(text: str, field: QWidget) -> QLabel:
 def name_fields(window: QWidget) -> None:
     """Name for a screen reader what takes the focus and has no label: by words in or around it."""
     for field in window.findChildren(QWidget):
-        place: QWidget | None = field
-        words = field.accessibleName()
+        place, words = field.parentWidget(), field.accessibleName()
         words = words or getattr(field, "placeholderText", str)() or field.toolTip()
-        while not words and place and (place := place.parentWidget()) not in (window, None):
+        while not words and place is not None and place is not window:
             title = place.title() if isinstance(place, QGroupBox) else place.windowTitle()
-            words = place.accessibleName() or title
+            words, place = place.accessibleName() or title, place.parentWidget()
         if field.focusPolicy() & Qt.FocusPolicy.TabFocus and not isinstance(field, QAbstractButton):
             field.setAccessibleName(words)
 
