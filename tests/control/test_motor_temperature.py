@@ -104,6 +104,7 @@ def test_after_a_start_it_is_never_cooler_than_a_motor_that_went_on(real):
         assert np.all(fresh["u_thermal_Nm"] <= went_on["u_thermal_Nm"] + 1e-6)
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize(("real", "sign"), [("f32", 1.0), ("f32", -1.0), ("q31", 1.0)])
 def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     """Closed over its own limit; the torque falls without a jump."""
