@@ -96,6 +96,9 @@ def scaled_to(
     slower = quickest / of("actuator.omega_max_rad_s", base)
     put("safety.omega_max_rad_s", slower * of("safety.omega_max_rad_s", base), f"{name}'s share")
     put("safety.u_max_Nm", of("actuator.u_max_Nm"), "the motor's limit")
+    period_s = 1 / of("timing.control_rate_Hz")
+    if of("timing.control_release_s", base) > period_s:
+        put("timing.control_release_s", period_s, "the control period, below that of the base")
     for end, sign in (("min", -1), ("max", 1)):
         beyond = of(f"safety.rom_{end}_rad") + sign * TRAVEL_ROOM_RAD
         put(f"joint.theta_{end}_rad", beyond, "beyond the range of motion, room for the limits")

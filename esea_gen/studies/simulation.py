@@ -103,8 +103,8 @@ class ClosedLoopStudy(Study):
         heads = ["RMS true", "RMS model", "max true", "thesis", "limited", *ROUGH_HEADS]
         width = max(32, *(1 + len(name) for name in done.by_case()))
         lines = [
-            f"{done.study.title}: {s.controller}, plant {s.plant}, person {done.person}{off}"
-            f"{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
+            f"Simulated. {done.study.title}: {s.controller}, plant {s.plant}, person "
+            f"{done.person}{off}{done.more}, {runs} run{'s' if runs > 1 else ''} a case",
             f"{'case':{width}}"
             + "".join(f"{h:>12}" for h in heads + ["of largest"] * self.normalised),
         ]
@@ -244,7 +244,7 @@ class Simulation:
     def label(self) -> str:
         s = self.setting
         off = f", {s.off}" if s.off != NOTHING else ""
-        return f"{s.controller}, {s.plant}{off}{self.more}"
+        return f"{s.controller}, simulated ({s.plant}{off}{self.more})"
 
     @property
     def more(self) -> str:

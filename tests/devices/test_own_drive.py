@@ -170,6 +170,11 @@ def test_a_light_drive_has_no_more_least_damping_than_damping():
     assert made.least_Nms_rad.value < made.damping_Nms_rad.value
 
 
+def test_a_control_period_below_the_bases_release_ends_at_its_own():
+    timing = short(ELBOW, ROTORS["elbow_drive"], control_rate_Hz=1000.0).file.timing
+    assert timing.control_release_s.value == 1e-3
+
+
 def test_a_number_that_the_file_gives_is_left_as_it_is():
     text = short_text("mine", "elbow_drive", answers(ELBOW, 3e-4) | {"gear_ratio": 50.0})
     own_J = 'J_kgm2 = { value = 0.9, status = "identified", source = "rig" }\n'

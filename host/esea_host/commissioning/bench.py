@@ -189,7 +189,7 @@ class CommissioningBench:
         fix = {
             "UNREFERENCED": "Do the step 'zero' first.",
             "STOPPED": "Release the stop first.",
-            "FAULT": "See to the fault, and clear it.",
+            "FAULT": "Remove its cause, then acknowledge it: esea-host view, Ctrl+L.",
         }.get(state, "Wait until the motor is off.")
         raise UserError(f"The board is {state}.", fix)
 

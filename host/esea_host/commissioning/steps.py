@@ -247,7 +247,7 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
     problem = motor_sign(r, c["tau_desired_Nm"], most_Nm, work_J, turned_J)
     if problem is None and fault:
         said = f"The board switched itself off: {bench.fault_name(fault)}."
-        problem = said, "See to the fault, and clear it."
+        problem = said, "Remove its cause, then acknowledge it: esea-host view, Ctrl+L."
     checks: tuple[StartupCheck, ...] = ()
     if problem is None:
         error_Nm = float(np.sqrt(np.mean((c["tau_Nm"] - c["tau_desired_Nm"])[200:] ** 2)))
