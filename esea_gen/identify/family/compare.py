@@ -199,7 +199,9 @@ class ModelComparison:
         ]
         for m in models:
             found = [cells[m, c] for c in conditions]
-            errors = "".join(f"{f'{r.held_out:.2f} / {r.training:.2f}':>{width}}" for r in found)
+            errors = "".join(
+                f"  {f'{r.held_out:.2f} / {r.training:.2f}':>{width - 2}}" for r in found
+            )
             counts = (getattr(found[0], c) for c in COUNTS)
             errors += "".join(f"{'-' if n is None else f'{n:.0f}':>{width}}" for n in counts)
             lines.append(f"{'* ' if m == self.chosen else '  '}{m:{first - 2}}{errors}")

@@ -213,9 +213,12 @@ def _remains(path: Path) -> bool:
         out.print(f"A last event was cut off ({state.torn} bytes); it is set aside, not lost.")
     if state.running is not None:
         out.print(f"Trial {state.running} was running; it counts as aborted and is repeated.")
+    if not state.remaining:
+        out.print("The session is complete.")
+        return False
     order = ", ".join(str(t.number) for t in state.remaining[:12])
     out.print(f"Remaining, as planned: {order}{', ...' if len(state.remaining) > 12 else ''}")
-    return bool(state.remaining)
+    return True
 
 
 def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:

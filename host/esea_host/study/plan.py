@@ -165,8 +165,9 @@ def explain(protocol: Protocol) -> str:
         sizes = ", ".join(map(str, block_sizes(file)))
         lines.append(
             f"  groups come from a sealed list of permuted blocks of random size ({sizes}), "
-            "disclosed at the first session; who knows all past ones guesses at most "
-            f"{guessed_share(file):.0%} right, by chance {1 / len(file.groups):.0%}"
+            "disclosed at the first session; knowing all earlier ones, one guesses the next with "
+            f"a probability of at most {guessed_share(file):.0%} (by chance "
+            f"{1 / len(file.groups):.0%})"
         )
         for factor, levels in file.allocation.strata.items():
             lines.append(f"  stratified by {factor}: {', '.join(levels)}")
