@@ -65,7 +65,7 @@ def folder(tmp_path_factory):
 
 def test_no_command_is_left_out():
     (pip,) = commands("pip")
-    assert pip[-1] == "esea-gen[host,moteus]"
+    assert pip[-1] == ".[host,moteus]"
     covered = [commands("esea-gen"), commands("esea-host", "sim-moteus"), commands(ELF)]
     covered += [commands("esea-host", "commission"), commands("esea-host", "view")]
     assert sorted(c for part in covered for c in part) == sorted(c for c in COMMANDS if c != pip)
