@@ -24,6 +24,8 @@ from tests import result_schemas
 from tests.budget import Budget
 
 ROOT = Path(__file__).parents[1]
+# Before a program that a test ends by Ctrl-C: children of a background job ignore it.
+INTERRUPTIBLE = ("env", "--default-signal=INT")
 
 # A machine may be busy: no limit of time.
 settings.register_profile("any", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -23,7 +23,7 @@ from esea_host.commissioning import CommissioningBench, SimulatedHands
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.simulated.moteus import MoteusJoint
 from esea_host.simulated.server import serve_hosts
-from tests.conftest import ROOT, require_tool
+from tests.conftest import INTERRUPTIBLE, ROOT, require_tool
 from tests.moteus_bench import MoteusBoard
 
 pytestmark = pytest.mark.ci
@@ -79,7 +79,7 @@ def test_the_pages_settings_are_those_of_the_device_file(folder):
 
 def started(folder, command: list[str], places: dict[str, str]) -> subprocess.Popen:
     """A command of the page as a program, with other places and times than the page's."""
-    host_cli = [sys.executable, "-m", "esea_host.cli"]
+    host_cli = [*INTERRUPTIBLE, sys.executable, "-m", "esea_host.cli"]
     words = [places.get(w, w) for w in command]
     words = [*host_cli, *words[1:]] if words[0] == "esea-host" else words
     pipe = subprocess.PIPE

@@ -21,7 +21,7 @@ from esea_host.serve import BrowserView, browser_view
 from esea_host.simulated import LockstepDevice
 from esea_host.windows.feed import LiveFeed
 from tests.browser import browser
-from tests.conftest import until
+from tests.conftest import INTERRUPTIBLE, until
 
 LONG = "A refusal of the board that is as long as such a text can be, and then longer. " * 3
 STOP = "(r => [innerWidth - r.right, r.top, r.width, r.height])(page.stop.getBoundingClientRect())"
@@ -219,7 +219,7 @@ def test_an_address_that_cannot_be_served(feed, url, listen, why):
 @pytest.mark.ci
 def test_the_command_serves_until_ctrl_c(tab):
     words = [sys.executable, "-m", "esea_host.cli", "serve", "sim:elbow_drive", "--port", "0"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as running:
+    with subprocess.Popen([*INTERRUPTIBLE, *words], stdout=subprocess.PIPE, text=True) as running:
         tab.opened(running.stdout.readline().strip(), 1024, "light")
         until(lambda: seen(tab, "state") == "UNREFERENCED")
         running.send_signal(signal.SIGINT)
