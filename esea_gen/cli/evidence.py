@@ -24,7 +24,7 @@ from esea_gen.cli.options import (
 )
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.errors import UserError, choose
-from esea_gen.files import write_json
+from esea_gen.files import plain, write_json
 
 if TYPE_CHECKING:
     from esea_gen.device import Device
@@ -68,8 +68,9 @@ def verify(
     failed = "verdict: FAIL. A searched motion exceeds its aim."
     out.print(result.verdict() if passed else failed)
     more = {"chain": chain} if chain else {}
-    write_json(json_file, "verify", result.to_dict() | more)
-    exit_unless(result.passed and passed)
+    content = result.to_dict() | {"passed": passed and result.passed} | more
+    write_json(json_file, "verify", plain(content, null=True))  # a C at fault gives NaN
+    exit_unless(content["passed"])
     out.next("emulate", device, *(("--controller", controller) if controller else ()))
 
 

@@ -34,6 +34,7 @@ from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.typed import read_number
 
 CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
 
@@ -332,8 +333,8 @@ def tune(
     from esea_gen.studies.tuning_sweep import tune as sweep_tunables
 
     try:
-        row = [float(v) for v in values.split(",")] if values.strip() else []
-    except ValueError:
+        row = [read_number(v) for v in values.split(",")] if values.strip() else []
+    except UserError:
         raise UserError(
             f"--values {values}: not a list of numbers.", "Write them as 1,1.5,2."
         ) from None

@@ -137,7 +137,7 @@ def new(
         option("--give KEY=VALUE", "With --short: an answer, such as gear_ratio=50; repeatable."),
     ] = None,
     motor: Annotated[
-        str | None,
+        list[str] | None,
         option("--motor", "With --short: a motor whose numbers are stored, such as moteus-c1."),
     ] = None,
     target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
@@ -155,8 +155,10 @@ def new(
     if (give or motor) and not short:
         option_ = "--give" if give else "--motor"
         raise UserError(f"{option_} answers questions of --short.", "Add --short.")
+    if motor and len(motor) > 1:
+        raise UserError(f"--motor is there {len(motor)} times.", "Give one motor.")
     if short:
-        text = _short(name, base or BEST_DRIVE, give or [], motor)
+        text = _short(name, base or BEST_DRIVE, give or [], motor[0] if motor else None)
     else:
         text = copy_device(esea_gen.load_device(base or "elbow"), name).toml()
     fresh = not beside.exists()

@@ -254,6 +254,8 @@ def reliability(
             joint = joint_fit(table, data, tell)
         show(joint, json_file, "reliability")
         return
+    if data is not None:
+        raise UserError("--data goes with a mapping file (.toml).", "Leave it out.")
     from esea_gen.identify.reliability import read_specimens
     from esea_gen.identify.reliability import reliability as judged
 
@@ -279,6 +281,7 @@ def uncertainty(
     from esea_gen.studies.uncertainty.motions import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
+    data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device)
     with progress_line() as say:
         say("covariance of the identification")
@@ -296,16 +299,18 @@ def torque_check(
     arm: Annotated[
         float | None, option("--arm M", "From the joint axis to where the mass hangs.")
     ] = None,
-    angle: Annotated[float, option("--angle DEG", "Angle of the arm to the horizontal.")] = 0.0,
+    angle: Annotated[
+        float | None, option("--angle DEG", "Angle of the arm to the horizontal; default: 0.")
+    ] = None,
     mass_uncertainty: Annotated[
-        float, option("--mass-uncertainty KG", "Standard uncertainty.")
-    ] = 0.005,
+        float | None, option("--mass-uncertainty KG", "Standard uncertainty; default: 0.005.")
+    ] = None,
     arm_uncertainty: Annotated[
-        float, option("--arm-uncertainty M", "Standard uncertainty.")
-    ] = 0.001,
+        float | None, option("--arm-uncertainty M", "Standard uncertainty; default: 0.001.")
+    ] = None,
     angle_uncertainty: Annotated[
-        float, option("--angle-uncertainty DEG", "Standard uncertainty.")
-    ] = 1.0,
+        float | None, option("--angle-uncertainty DEG", "Standard uncertainty; default: 1.")
+    ] = None,
     recording: Annotated[
         Path | None, option("--recording FILE", "CSV: time_s, tau_Nm, optionally step.")
     ] = None,
@@ -321,25 +326,21 @@ def torque_check(
 
     loaded = esea_gen.load_device(device)
     check = None
+    lengths = {"mass_kg": mass, "arm_m": arm}
+    lengths |= {"u_mass_kg": mass_uncertainty, "u_arm_m": arm_uncertainty}
+    angles = {"angle_rad": angle, "u_angle_rad": angle_uncertainty}
+    load = {k: v for k, v in lengths.items() if v is not None}
+    load |= {k: math.radians(v) for k, v in angles.items() if v is not None}
     if resume is not None:
-        if mass is not None or arm is not None:
+        if load:
             raise UserError(
-                "--resume already knows the load.", "Leave --mass and --arm out, or start anew."
+                "--resume already knows the load.",
+                "Leave --mass, --arm, --angle and their uncertainties out, or start anew.",
             )
         check = TorqueCheck.resumed(loaded, read_json(resume, "Give the file that --json wrote."))
     elif mass is not None and arm is not None:
-        check = TorqueCheck(
-            loaded,
-            KnownLoad(
-                mass,
-                arm,
-                math.radians(angle),
-                mass_uncertainty,
-                arm_uncertainty,
-                math.radians(angle_uncertainty),
-            ),
-        )
-    elif recording is not None or mass is not None or arm is not None:
+        check = TorqueCheck(loaded, KnownLoad(**load))
+    elif recording is not None or json_file is not None or load:
         lacking = " and ".join(n for n, v in (("--mass", mass), ("--arm", arm)) if v is None)
         raise UserError(f"the load is not known: {lacking} missing.", "Give mass (kg) and arm (m).")
     if recording is not None:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.limits.safety import LimitNumbers
+from esea_gen.devices.drive_relations import COPPER_1_K, COPPER_C, LEAST_SHARE
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
@@ -17,8 +18,6 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 STEP_S = 0.1  # in steps of a control period float32 would lose what the case gains
-COPPER_1_K, COPPER_C = 3.93e-3, 25.0
-LEAST = 0.05  # of the torque, at the largest temperature: cools, and shows that the motor is on
 BEYOND_K = 20.0  # above the largest temperature: as far as it is followed
 
 EQUATIONS = """
@@ -114,7 +113,7 @@ class _MotorTemperature:
         case = label("case", ca.if_else(ends, shared, case), "[hot 3]")
         hot = label("hot", winding > self.max)
         share = clip((self.max - winding) * (1 / (self.max - self.derate)), 0.0, 1.0)
-        share = ca.if_else(hot, 0.0, LEAST + (1 - LEAST) * share)
+        share = ca.if_else(hot, 0.0, LEAST_SHARE + (1 - LEAST_SHARE) * share)
         capacity = label("share", share, "[hot 4]")
         return {
             "winding_C": winding,

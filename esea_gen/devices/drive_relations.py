@@ -20,6 +20,10 @@ MOST_SWING_HZ = 3.5
 ALIKE = 2.0  # factor within which full scale and the rubber's own torque agree
 
 
+# Copper, and the share of the torque that is left at the largest temperature: it must cool there.
+COPPER_1_K, COPPER_C, LEAST_SHARE, LEAST_HEATING_K = 3.93e-3, 25.0, 0.05, 5.0
+
+
 def check_drive(file: DeviceFile) -> Iterator[UserError]:
     """What no drive can be."""
     a, safety, control = file.actuator, file.safety, file.timing.control_rate_Hz
@@ -46,6 +50,31 @@ def check_drive(file: DeviceFile) -> Iterator[UserError]:
             f"of motor and load on the coupling ({resonance:.3g} Hz), below its limit "
             f"{LEAST_SAMPLES:g}: no controller can damp it.",
             f"Give {ADVISED_SAMPLES * resonance:.3g} Hz or more.",
+        )
+    yield from _check_heating(file)
+
+
+def _check_heating(file: DeviceFile) -> Iterator[UserError]:
+    t, safety = file.motor_thermal, file.safety
+    if t is None or safety is None:
+        return
+    k_t, ohm, u_Nm = t.k_t_Nm_A.value, t.resistance_Ohm.value, safety.u_max_Nm.value
+    full_K = ohm * (u_Nm / k_t) ** 2 * (t.winding_case_K_W.value + t.case_ambient_K_W.value)
+    given = f"motor_thermal.k_t_Nm_A = {k_t:g} and resistance_Ohm = {ohm:g}:"
+    if full_K < LEAST_HEATING_K:
+        yield UserError(
+            f"{given} the largest torque, safety.u_max_Nm = {u_Nm:g} at {u_Nm / k_t:.3g} A, heats "
+            f"the winding by {full_K:.2g} K, below its limit {LEAST_HEATING_K:g}: the section "
+            "would protect nothing.",
+            "Is k_t typed in mNm/A? Give Nm/A, or leave the section out.",
+        )
+    room_K = t.max_C.value - t.ambient_C.value
+    hot = 1 + COPPER_1_K * (t.max_C.value - COPPER_C)
+    if (least_K := LEAST_SHARE**2 * hot * full_K) > room_K:
+        yield UserError(
+            f"{given} {100 * LEAST_SHARE:g} % of safety.u_max_Nm = {u_Nm:g} heats the winding by "
+            f"{least_K:.3g} K, above max_C less ambient_C ({room_K:g} K): it would never cool.",
+            "Is resistance typed in mOhm? Give Ohm; check k_t_Nm_A and the thermal resistances.",
         )
 
 

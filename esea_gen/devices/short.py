@@ -12,6 +12,7 @@ from esea_gen.devices.motors import MotorKit
 from esea_gen.devices.numbers import Quantity, beyond, toml_entry
 from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import unit_of
+from esea_gen.typed import read_number
 
 
 @dataclass(frozen=True)
@@ -63,16 +64,15 @@ QUESTIONS = tuple(
 def read_answer(question: DeviceQuestion, text: str) -> float:
     """A typed answer, inside the number's bounds."""
     try:
-        value = float(text)
-    except ValueError:
+        value = read_number(text)
+    except UserError:
         value = math.nan
     facts = question.facts
     if not math.isfinite(value) or (facts["whole"] and value != round(value)):
         kind = "whole number" if facts["whole"] else "number"
-        point = ", with a decimal point" if kind == "number" and "," in text else ""
         raise UserError(
             f"{question.name} = {text!r} is no {kind}.",
-            f"Give a {kind}{question.unit}{point}, such as {question.typical:g}.",
+            f"Give a {kind}{question.unit}, such as {question.typical:g}.",
         )
     if value == 0 and facts["low"] == 0:
         raise UserError(f"{question.name} = 0 is no drive's.", f"Give {question.typical:g}, say.")
@@ -82,11 +82,13 @@ def read_answer(question: DeviceQuestion, text: str) -> float:
 
 
 def read_given(words: list[str]) -> dict[str, float]:
-    """Answers by key, from ``KEY=VALUE``; of a key that is given twice the last."""
+    """Answers by key, from ``KEY=VALUE``."""
     known = {q.name: q for q in QUESTIONS}
     pairs = [w.partition("=")[::2] for w in words]
-    for name, _ in pairs:
+    for i, (name, _) in enumerate(pairs):
         choose("number to --give", name, known)
+        if name in dict(pairs[:i]):
+            raise UserError(f"--give {name} is there twice.", "Give it once.")
     return {name: read_answer(known[name], value) for name, value in pairs}
 
 

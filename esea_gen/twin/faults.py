@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from esea_gen.errors import UserError, nearest
 from esea_gen.twin.encoders import ENCODERS
+from esea_gen.typed import read_number
 
 # What an encoder may do, with the amount that is taken where none is given and its unit.
 KINDS = {
@@ -77,8 +78,8 @@ def parse_fault(text: str) -> EncoderFault:
 
 def _number(text: str, what: str, given: str, low: float, high: float) -> float:
     try:
-        value = float(given)
-    except ValueError:
+        value = read_number(given, low, high)
+    except UserError:
         value = float("nan")
     if not low <= value <= high:
         raise UserError(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 
 import pytest
 
+from esea_gen.verify.chain import ChainError, ChainReport
+from esea_gen.verify.verdict import Comparison, Verification
 from tests.conftest import ROOT, require_tool
 from tests.typed import typed as run
 
@@ -62,6 +65,18 @@ def test_verify_writes_json(tmp_path):
     content = json.loads((tmp_path / "v.json").read_text())
     assert content["passed"] is True
     assert all(c["bit_identical_to_casadi_c"] for c in content["comparisons"])
+
+
+def test_a_failed_search_and_a_nan_are_in_the_json(tmp_path, monkeypatch):
+    one = Comparison("sensor", "s", "f32", 9, {"y": math.nan}, {})
+    found = Verification("elbow", "-", [one], {"sensor": {}}, {}, {"sensor": {"y": 4.0}})
+    chain = ChainReport("elbow", 4.0, 1, (ChainError("f32", 1.0, 0.0, (), (), 0),))
+    monkeypatch.setattr("esea_gen.verify.equivalence.verify", lambda *_, **__: found)
+    monkeypatch.setattr("esea_gen.verify.chain.search_chain", lambda *_, **__: chain)
+    done = run("verify", "elbow", "--search", "1", "--json", "v.json", cwd=tmp_path)
+    content = json.loads((tmp_path / "v.json").read_text())
+    assert (done.returncode, content["passed"]) == (1, False)
+    assert content["comparisons"][0]["errors"] == {"y": None}
 
 
 @pytest.mark.parametrize(

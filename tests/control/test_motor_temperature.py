@@ -162,6 +162,8 @@ def test_a_section_that_makes_no_sense_is_refused():
         ({"start_C": 130.0}, "start_C = 130 is above motor_thermal.max_C = 125"),
         ({"winding_s": float("nan")}, "winding_s"),
         ({"k_t_Nm_A": 0.0}, "k_t_Nm_A"),
+        ({"k_t_Nm_A": 37.0}, "by 7.8e-05 K, below its limit 5.*mNm/A"),
+        ({"resistance_Ohm": 400.0}, r"by 273 K, above max_C less ambient_C \(85 K\)"),
     ):
         with pytest.raises(UserError, match=words):
             warm(**changed)

@@ -229,7 +229,7 @@ def test_without_a_terminal_what_is_missing_is_listed_and_nothing_written(monkey
     for wrong, words in (
         ("gear_ratio=x", "gear_ratio = 'x' is no number"),
         ("gear_ratio=0.5", "gear_ratio = 0.5 is below its limit 1"),
-        ("gear_ratio=3,6", "with a decimal point"),
+        ("gear_ratio=1_0", "gear_ratio = '1_0' is no number"),
         ("k1_Nm_rad=0", "k1_Nm_rad = 0 is no drive's"),
         ("encoder_bits=12.5", "no whole number"),
         ("gear_rato=74", "Did you mean gear_ratio"),
@@ -303,6 +303,8 @@ def test_a_motor_that_is_not_stored_or_gives_less_is_refused(monkeypatch, tmp_pa
         (("--motor", "moteus-c2"), "Unknown motor 'moteus-c2'. Did you mean moteus-c1?"),
         (("--motor", "moteus-c1", "--give", "u_max_Nm=1"), "above moteus-c1's limit 0.5461"),
         (("--motor", "moteus-c1"), "8 of 12 numbers are missing"),
+        (("--motor", "moteus-c1", "--motor", "moteus-n1"), "--motor is there 2 times"),
+        ((*GIVE[:2], *GIVE[:2]), "--give Jh_kgm2 is there twice"),
     ):
         assert said in asked(monkeypatch, tmp_path, *words)
     assert not list(tmp_path.iterdir())

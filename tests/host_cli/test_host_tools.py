@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -16,6 +17,7 @@ from matplotlib.image import imread
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.cli import main
+from esea_host.cli.live import parameters
 from esea_host.recording.export import to_bids, to_csv, to_parquet
 from esea_host.recording.foreign import import_table, read_mapping
 from esea_host.simulated.demo import run_demo
@@ -49,6 +51,25 @@ def test_the_first_minute_leaves_a_recording_its_proof_and_a_page(demo):
         run_demo("elbow_drive", 4.0, demo.report)
     with pytest.raises(UserError, match="1 to 3600 s"):
         run_demo("elbow_drive", 0.1, demo.report)
+
+
+def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, monkeypatch, capsys):
+    simulated_elbow.restart()
+    device = esea_host.simulated.LockstepDevice(simulated_elbow)
+    monkeypatch.setattr(device.session, "save_parameters", lambda: None)
+    monkeypatch.setattr("esea_host.cli.live.open_device", lambda *_: nullcontext(device))
+    before = device.parameters()
+    for words, said in (
+        ("reference.Kd_Nms_rad=99", "=99 is no number from 0 to 0.35 Nm s/rad"),
+        ("encoder_motor.zeroed=0.5", "only a calibration sets it.*esea-host zero"),
+        ("reference.Kp_Nm_rad=2", "Kp_Nm_rad is there twice"),
+    ):
+        with pytest.raises(UserError, match=said):
+            parameters("x", assign=["Kp_Nm_rad=1", words])
+    assert device.parameters() == before
+    parameters("x", assign=["reference.Kd_Nms_rad=.35"], keep=True, save=tmp_path / "p.json")
+    assert "(simulated: kept until it ends)" in capsys.readouterr().out
+    assert json.loads((tmp_path / "p.json").read_text())["simulated"]
 
 
 def test_csv_has_units_and_reads_back_to_the_bit(demo, tmp_path):

@@ -262,6 +262,7 @@ def test_the_command(tmp_path, monkeypatch):
         (["--residual-deg", "6"], "A nonlinearity of 6 deg is not from 0 to 5 deg"),
         (["--residual-deg", "nan"], "A nonlinearity of nan deg"),
         (["--figure", "u.xyz"], "not a picture's name"),
+        (["--data", "."], "--data without --recording"),
     ],
 )
 def test_the_command_refuses(arguments, said):

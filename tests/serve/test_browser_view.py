@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import nullcontext
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
@@ -17,6 +18,7 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from esea_gen.errors import UserError
+from esea_host.cli.view import view
 from esea_host.serve import BrowserView, browser_view
 from esea_host.simulated import LockstepDevice
 from esea_host.windows.feed import LiveFeed
@@ -208,12 +210,18 @@ def test_a_slow_browser_holds_up_nobody_and_one_too_many_is_told(url):
 
 
 @pytest.mark.parametrize(
-    ("listen", "why"), [("127.0.0.1", "in use"), ("0.0.0.0", "every network"), ("no", "no, port")]
+    ("listen", "why"),
+    [("127.0.0.1", "in use"), ("0.0.0.0", "every network"), ("no", "no, port"), (None, "--serve")],
 )
-def test_an_address_that_cannot_be_served(feed, url, listen, why):
+def test_where_it_cannot_be_served_no_recording_is_begun(
+    feed, url, tmp_path, monkeypatch, listen, why
+):
     port = int(url.partition("/#")[0].rpartition(":")[2]) if why == "in use" else 0
-    with pytest.raises(UserError, match=why), browser_view(feed, listen, port):
-        raise AssertionError("it is served")
+    monkeypatch.setattr("esea_host.cli.view.need_a_screen", lambda _: None)
+    monkeypatch.setattr("esea_host.cli.view.open_device", lambda *_: nullcontext(feed.device))
+    with pytest.raises(UserError, match=why):
+        view("sim:elbow_drive", record=tmp_path / "r.mcap", serve=listen, port=port)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.ci

@@ -468,6 +468,9 @@ def test_the_command(tmp_path, command):
         ((*LOAD, "--recording", "none.csv"), "cannot be read"),
         (("--resume", "none.json"), "cannot be read"),
         (("--resume", "none.json", "--mass", 1), "already knows the load"),
+        (("--resume", "none.json", "--arm-uncertainty", 0.001), "already knows the load"),
+        (("--angle", 0), "--mass and --arm missing"),
+        (("--json", "r.json"), "--mass and --arm missing"),
     ],
 )
 def test_the_command_refuses(command, arguments, message):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen.errors import UserError
-from esea_host.typed import read_number, shown_number
+from esea_gen.typed import read_number, shown_number
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 

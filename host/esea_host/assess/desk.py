@@ -11,6 +11,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import write_json
+from esea_gen.typed import read_number
 from esea_host.assess.board import FRAME_S, KneeBoard
 from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import (
@@ -44,7 +45,6 @@ from esea_host.assess.responses import (
 )
 from esea_host.assess.segments import MovementVerdict, Segment, judge
 from esea_host.assess.session import WORDS, Assessment, take
-from esea_host.typed import read_number
 
 GRADES = {1: "very mild", 2: "mild", 3: "moderate", 4: "marked", 5: "severe"}
 HELP = (

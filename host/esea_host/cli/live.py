@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.live import Live
 from rich.table import Table as Grid
@@ -23,6 +24,7 @@ from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_whole, write_json
 from esea_gen.link.received import shown_lines
 from esea_gen.portability import TERMINALS
+from esea_gen.typed import read_number
 from esea_host.cli.app import app, out, told
 from esea_host.cli.options import (
     AddressArgument,
@@ -231,7 +233,7 @@ def bridge(
 def serve(
     address: AddressArgument,
     listen: Annotated[str, option("--listen", "IP address of this computer.")] = "127.0.0.1",
-    port: PortOption = 8766,
+    port: PortOption = None,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
@@ -285,11 +287,9 @@ def parameters(
     ] = False,
 ) -> None:
     """List, set, save, load or compare a board's parameters; what changes is shown first."""
-    wanted = _assigned(assign or [])
-    if compare is not None and (wanted or load or save or keep):
+    if compare is not None and (assign or load or save or keep):
         raise UserError("--compare changes nothing and writes nothing.", "Give it alone.")
-    if load is not None:
-        wanted = _read(load) | wanted
+    loaded = {} if load is None else _read(load)
     with open_device(address, device, key) as board:
         values = board.parameters()
         known = {p.name: p for p in board.session.known_parameters()}
@@ -299,33 +299,52 @@ def parameters(
                 if values.get(name) != other.get(name):
                     out.print(f"{name}: {values.get(name)} here, {other.get(name)} in {compare}")
             return
-        for name, value in wanted.items():
-            full = board.parameter_name(name)
-            if known[full].fixed or values[full] == value:
+        wanted = _wanted(board, loaded, assign or [])
+        for full, value in wanted.items():
+            if values[full] == value:
                 continue
             out.print(f"{full}: {values[full]:g} -> {value:g} {known[full].unit}")
             values[full] = board.set(full, value)
         if save is not None:
-            write_json(save, "host-parameters", {"parameters": values})
+            content = {"parameters": values, "simulated": board.simulated}
+            write_json(save, "host-parameters", content)
             out.print(f"{save}: {len(values)} parameters")
         if keep:
             board.session.save_parameters()
-            out.print("The board keeps these values without power.")
-        if not wanted and save is None and not keep:
+            how = "(simulated: kept until it ends)" if board.simulated else "without power"
+            out.print(f"The board keeps these values {how}.")
+        if not (assign or load) and save is None and not keep:
             for name, p in known.items():
                 bounds = f"[{p.low:g}, {p.high:g}]"
                 out.print(f"{name} = {values[name]:g} {p.unit}  {bounds}  {p.meaning}")
 
 
-def _assigned(texts: list[str]) -> dict[str, float]:
-    found = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            raise UserError(f"--set {text}: no number behind '='.", "Write name=value.") from None
-    return found
+def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) -> dict[str, float]:
+    # Every name and number is tried before the first is set.
+    known: dict[str, Any] = {p.name: p for p in board.session.known_parameters()}
+    found: tuple[dict[str, float], ...] = {}, {}
+    for of, texts in zip(found, ([f"{n}={v!r}" for n, v in loaded.items()], typed), strict=True):
+        for text in texts:
+            name, _, value = text.partition("=")
+            p = known[board.parameter_name(name.strip())]
+            if p.fixed and texts is not typed:
+                continue  # another calibration's
+            if p.fixed:
+                what = f"{text}: {p.name} is fixed: only a calibration sets it."
+                raise UserError(what, "Present angles are taken as zero by: esea-host zero ADDRESS")
+            if p.name in of:
+                raise UserError(f"{p.name} is there twice.", "Give it once; nothing was set.")
+            try:
+                number = read_number(value)
+            except UserError:
+                number = math.nan
+            with np.errstate(over="ignore"):
+                low, single, high = np.float32([p.low, number, p.high])  # as the board holds them
+            if not low <= single <= high:
+                limits = f"{p.low:g} to {p.high:g} {p.unit}"
+                raise UserError(f"{text} is no number from {limits}.", "Nothing was set.")
+            of[p.name] = number
+    return found[0] | found[1]
 
 
 def _read(path: Path) -> dict[str, float]:

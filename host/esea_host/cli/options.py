@@ -41,7 +41,9 @@ StreamOption = Annotated[
 OneStreamOption = Annotated[
     str | None, option("--stream", "Which; default: what the first axis is sensed to do.")
 ]
-PortOption = Annotated[int, option("--port", "Of the browser view; 0: any.", min=0, max=65535)]
+PortOption = Annotated[
+    int | None, option("--port", "Of the browser view; default: 8766; 0: any.", min=0, max=65535)
+]
 RateOption = Annotated[
     float | None, option("--rate", "Runs a second; default: every one.", min=0.001)
 ]

@@ -40,18 +40,15 @@ OPEN_S, FILMED_S = 60.0, 5.0
 
 
 @contextmanager
-def _recorded(
-    address: str, device: str | None, key: Path | None, record: Path | None
-) -> Iterator[tuple[ConnectedDevice, LiveRecording | None]]:
-    # A connected board, and what is recorded of it meanwhile.
-    with ExitStack() as held:
-        board = held.enter_context(open_device(address, device, key))
-        recording = held.enter_context(board.record(record)) if record else None
-        yield board, recording
-    if recording is not None:
-        out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
-        if recording.error is not None:
-            raise of_file(recording.error, record)
+def _recording(board: ConnectedDevice, record: Path | None) -> Iterator[LiveRecording | None]:
+    if record is None:
+        yield None
+        return
+    with board.record(record) as recording:
+        yield recording
+    out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
+    if recording.error is not None:
+        raise of_file(recording.error, record)
 
 
 @app.command()
@@ -66,22 +63,26 @@ def view(
     serve: Annotated[
         str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
     ] = None,
-    port: PortOption = 8766,
+    port: PortOption = None,
 ) -> None:
     """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
+    if port is not None and serve is None:
+        raise UserError("--port goes with --serve.", "Add --serve IP, or leave --port out.")
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import run_live
 
-    with _recorded(address, device, key, record) as (board, recording), ExitStack() as held:
-        feed = LiveFeed(board, recording)
+    with open_device(address, device, key) as board, ExitStack() as held:
+        feed = LiveFeed(board)
         held.callback(feed.close)
         if serve is not None:
             from_extra("tornado", "serve", "The browser view")
             from esea_host.serve import browser_view
 
             out.print(held.enter_context(browser_view(feed, serve, port)))
+        # Last: where it cannot be served, no file is begun.
+        feed.recording = held.enter_context(_recording(board, record))
         run_live(feed, dark, seconds, screenshot)
 
 
@@ -112,8 +113,8 @@ def demo(
         float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
     ] = None,
     report: Annotated[
-        Path, typer.Option("--report", callback=writable, help="Page to draw (.png).")
-    ] = Path("demo.png"),
+        Path | None, output_file("--report", "With --headless: page to draw; default: demo.png.")
+    ] = None,
     recording: Annotated[
         Path | None, output_file("--recording", "Default: beside the page.")
     ] = None,
@@ -125,15 +126,17 @@ def demo(
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     device = driven_by(controller, device)
     if not headless:
+        if report is not None:
+            raise UserError("--report goes with --headless.", "Add that, or leave --report out.")
         who = f"&person={person}" if person else ""
         _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
     from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
     from esea_host.simulated.demo import run_demo
 
-    done = run_demo(
-        device, 10.0 if seconds is None else seconds, report, recording, person, seed, out.print
-    )
+    page, seconds = report or Path("demo.png"), 10.0 if seconds is None else seconds
+    writable(page)
+    done = run_demo(device, seconds, page, recording, person, seed, out.print)
     v = done.verdict
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("every bit is the C's" if v.same else "NOT THE SAME: esea-host replay --verify")
@@ -153,7 +156,7 @@ def _watch_demo(address: str, record: Path | None, seconds: float | None) -> Non
     from esea_host.windows.live import run_live
     from esea_host.windows.operator import DemoOperator
 
-    with _recorded(address, None, None, record) as (board, recording), ExitStack() as held:
+    with open_device(address) as board, _recording(board, record) as recording, ExitStack() as held:
         feed = LiveFeed(board, recording)
         held.callback(feed.close)
         held.callback(DemoOperator(board).close)
@@ -204,7 +207,7 @@ def wrist(
             raise UserError(f"--headless takes no options of {address}.", "Give sim:wrist_drive.")
         film_wrist(place.place, used, save_to, screenshot, record, seconds, bool(dark), out.print)
         return
-    with _recorded(address, device, key, record) as (board, recording):
+    with open_device(address, device, key) as board, _recording(board, record) as recording:
         run_wrist(board, recording, used, save_to, dark, seconds, screenshot)
 
 

@@ -145,9 +145,9 @@ class BrowserView:
 
 
 @contextmanager
-def browser_view(feed: LiveFeed, listen: str, port: int = PORT) -> Iterator[str]:
+def browser_view(feed: LiveFeed, listen: str, port: int | None = None) -> Iterator[str]:
     """Serve a feed in a thread of its own; gives the URL.  Its key is behind #, in no request."""
-    view = BrowserView(feed)
+    view, port = BrowserView(feed), PORT if port is None else port
     try:
         sockets = bind_sockets(port, listen)
     except (OSError, UnicodeError) as error:

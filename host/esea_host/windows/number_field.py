@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QKeyEvent, QPalette, QWheelEvent
 from PySide6.QtWidgets import QComboBox, QGridLayout, QLabel, QLineEdit, QWidget
 
 from esea_gen.errors import UserError
-from esea_host.typed import read_number, shown_number
+from esea_gen.typed import read_number, shown_number
 
 _REFUSED = QColor("#d55e00")
 

@@ -10,7 +10,7 @@ from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import QPushButton, QTableWidget, QTableWidgetItem, QWidget
 
 from esea_gen.errors import UserError
-from esea_host.typed import read_number, shown_number
+from esea_gen.typed import read_number, shown_number
 from esea_host.windows.feed import LiveFeed
 from esea_host.windows.frame import column_of, row_of
 from esea_host.windows.theme import plain_label, plain_tip

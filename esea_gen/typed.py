@@ -20,7 +20,7 @@ def shown_number(value: float) -> str:
     return text if "." in text else f"{text}.0"
 
 
-def read_number(text: str, low: float, high: float, unit: str = "") -> float:
+def read_number(text: str, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
     """The number that was typed; point and comma are both decimal separators."""
     of = f" {unit}" if unit else ""
     limits = f"{shown_number(low)} to {shown_number(high)}{of}"
