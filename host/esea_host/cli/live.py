@@ -339,8 +339,8 @@ def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) 
             except UserError:
                 number = math.nan
             with np.errstate(over="ignore"):
-                low, single, high = np.float32([p.low, number, p.high])  # as the board holds them
-            if not low <= single <= high:
+                held = np.array([p.low, number, p.high], np.float32)  # as the board holds them
+            if not held[0] <= held[1] <= held[2]:
                 limits = f"{p.low:g} to {p.high:g} {p.unit}"
                 raise UserError(f"{text} is no number from {limits}.", "Nothing was set.")
             of[p.name] = number
