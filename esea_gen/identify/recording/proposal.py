@@ -16,7 +16,7 @@ from esea_gen.files import new_whole
 from esea_gen.identify.recording.tables import ANGLE, FORCE, LENGTH, TIME, TORQUE, VOLTAGE
 from esea_gen.language.ports import Array
 from esea_gen.tables import FileTable, TableFormat, read_table
-from esea_gen.tables.table import COMMA, POINT
+from esea_gen.tables.table import COMMA, POINT, listed
 
 # Words of a column's name, by quantity.
 WORDS = {
@@ -209,7 +209,7 @@ def _columns(table: FileTable, units: dict[str, str]) -> dict[str, tuple[str, st
         elif names or what != "time":
             raise UserError(
                 f"{table.name}: the names do not show which column of numbers is the {what}: "
-                f"{' or '.join(map(repr, names or may)) or 'there is none'}.",
+                f"{listed(names or [*may])}.",
                 "Name them in a copy of the file, such as time_s, theta_rad and tau_Nm, and only "
                 "one for each; or write the mapping by hand: docs/identify.md.",
             )
