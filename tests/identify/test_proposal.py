@@ -30,7 +30,7 @@ def filled(text: str) -> str:
     """A proposal with what only the rig's owner knows."""
     for table, key, value in (("deflection", "unit", "rad"), ("torque", "unit", "Nm"),
                               ("sampling", "time_unit", "s")):  # fmt: skip
-        text = re.sub(rf'(\[{table}\][^[]*?^{key} = )""', rf'\1"{value}"', text, flags=re.MULTILINE)
+        text = re.sub(rf'(\[{table}\]\n(?:.+\n)*?{key} = )""', rf'\1"{value}"', text)
     known = {"scale_Nm_per_N": LEVER_M, "sensitivity_mV_per_N": SENSITIVITY, "period_s": 0.005}
     for key, value in known.items():
         number = f'{key} = {{ value = {value}, status = "assumed", source = "rig" }}'
