@@ -53,6 +53,7 @@ DrawOption = Annotated[
 
 @app.command()
 def identify(
+    context: typer.Context,
     mapping: options.MappingArgument,
     data: options.DataOption = None,
     folder: Annotated[
@@ -88,6 +89,14 @@ def identify(
     Of a recording without a mapping (FILE.csv), propose one and write it beside the file.
     """
     if mapping.suffix.lower() != ".toml" and mapping.is_file():
+        settings = [p for p in context.command.params if p.name != "mapping"]
+        for p in settings:
+            source = context.get_parameter_source(p.name or "")
+            if source is not None and source.name == "COMMANDLINE":
+                raise UserError(
+                    f"{p.opts[0]}: '{mapping}' is a recording, not a mapping file.",
+                    "Leave it out: the mapping is proposed first.",
+                )
         _propose(mapping)
         return
     how = _searching(search, jobs, resume, draw)

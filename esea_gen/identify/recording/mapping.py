@@ -79,7 +79,7 @@ class MappingFile:
         seen: set[Path] = set()
         for i, table in enumerate(self.mapping.recording):
             for name in table.files:
-                pattern = any(c in name for c in "*?[")
+                pattern = any(c in name for c in "*?[") and not (self.folder / name).is_file()
                 found = sorted(self.folder.glob(name)) if pattern else [self.folder / name]
                 found = [p for p in found if p.is_file()]
                 if not found:
@@ -114,6 +114,8 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
             f"'{path}' is a recording, not a mapping file.",
             f"Let esea-gen identify {path} propose its mapping, then give that.",
         )
+    if path.is_dir():
+        raise UserError(f"'{path}' is a folder.", "Give the path of a TOML file.")
     if not path.is_file():
         raise UserError(
             f"There is no mapping file '{path}'.",

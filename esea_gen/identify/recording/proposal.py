@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from esea_gen.files import new_whole
 from esea_gen.identify.recording.tables import ANGLE, FORCE, LENGTH, TIME, TORQUE, VOLTAGE
 from esea_gen.language.ports import Array
 from esea_gen.tables import FileTable, TableFormat, read_table
+from esea_gen.tables.table import COMMA, POINT, listed
 
-# Words of a column's name, by quantity; the first ones are the surer.
+# Words of a column's name, by quantity.
 WORDS = {
     "time": "t time zeit temps timestamp elapsed",
     "deflection": "theta deflection twist angle winkel phi displacement disp extension stroke "
@@ -24,22 +26,29 @@ WORDS = {
     "torque": "tau torque moment drehmoment force kraft load cell loadcell bridge signal f m",
 }
 UNITS = {
-    "time": dict.fromkeys(TIME),
-    "deflection": dict.fromkeys([*ANGLE, *LENGTH]),
-    "torque": dict.fromkeys([*TORQUE, *FORCE, *VOLTAGE]),
+    "time": [*TIME],
+    "deflection": [*ANGLE, *LENGTH],
+    "torque": [*TORQUE, *FORCE, *VOLTAGE],
 }
-ALIASES = {
-    "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg", "radians": "rad", "sec": "s",
-    "seconds": "s", "msec": "ms", "µs": "us", "µm": "um", "µv": "uV", "n·m": "Nm", "n*m": "Nm",
-    "n.m": "Nm", "n m": "Nm", "mn·m": "mNm", "newton": "N", "volt": "V", "volts": "V",
+# Units as people spell them, in exactly these letters: mNm is not MNm, nor nm Nm.
+SPELT = {u: u for units in UNITS.values() for u in units} | {
+    "°": "deg", "degree": "deg", "degrees": "deg", "Deg": "deg", "radian": "rad", "radians": "rad",
+    "sec": "s", "seconds": "s", "msec": "ms", "µs": "us", "μs": "us", "µm": "um", "μm": "um",
+    "inch": "in", "newton": "N", "Newton": "N", "volt": "V", "Volt": "V", "volts": "V",
+    "µV": "uV", "μV": "uV",
 }  # fmt: skip
+SPELT |= {f"{p}N{dot}m": f"{p}Nm" for p in ("", "m", "k") for dot in "·⋅*. -"}
+SPELT |= {f"N{dot}cm": "Ncm" for dot in "·⋅*. -"}
+RATE = "rate"  # of none of the quantities
+SPELT |= {f"{u}{per}s": RATE for u in ("rad", "deg", "°", "m", "mm") for per in "/ "}
+PARTS = {*SPELT, "ft", "lb", "lbs", "oz", "kg", "g"}  # of a unit in several words
 USUAL = {
     "delimiter": ",", "quote": '"', "decimal": ".", "encoding": "utf-8", "header_line": 1,
     "first_data_line": None,
 }  # fmt: skip
 PREAMBLE = 30  # lines above a header that are tried
-STILL = 0.02  # of its range: a signal that begins so near 0 has its zero
-TURN = 1.6  # rad; a coupling turns less
+STILL = 0.02  # of its range: what lies so near 0 lies there
+STEPS_S = (1e-5, 0.2)  # usual; beyond, the unit is asked for
 SCALED = {
     "scale_rad_per_m": [*LENGTH],
     "scale_Nm_per_N": [*FORCE, *VOLTAGE],
@@ -68,9 +77,8 @@ class MappingProposal:
 def propose_mapping(recording: Path) -> MappingProposal:
     """Inspect a recording; what no name and no number shows is left out, and named."""
     table, units = _read(recording)
-    named = [n for n in table.names if n in table.cells]
-    found = _columns(table, named, units)
-    columns = {what: table.numbers(name) for what, (name, _, _) in found.items()}
+    found = _columns(table, units)
+    columns = {what: table.numbers(name) for what, (name, _) in found.items()}
     proposal = MappingProposal("", [table.report()])
     if "time" in found and not found["time"][1] and np.all(np.diff(columns["time"]) == 1):
         proposal.lines.append(f"column '{found.pop('time')[0]}' counts samples")
@@ -91,15 +99,25 @@ def propose_mapping(recording: Path) -> MappingProposal:
             )
     with np.errstate(all="ignore"):
         falls = bool(np.sum((theta - theta.mean()) * (tau - tau.mean())) < 0)
+    zeros = _zeros(theta, tau)
     for what in ("deflection", "torque"):
-        rows += _table_rows(proposal, what, found[what], columns[what], falls)
+        rows += _table_rows(proposal, what, found[what], columns[what], falls, zeros[what])
     rows += ["", "[sampling]"]
     if "time" in found:
-        name, unit, why = found["time"]
-        unit = unit or "s"
-        step = float(np.median(np.diff(columns["time"]))) * TIME[unit]
-        proposal.lines.append(f"time: column '{name}' ({why}), {unit}; usual step {step:.4g} s")
-        rows += [f"time_column = {_quoted(name)}", f'time_unit = "{unit}"']
+        name, unit = found["time"]
+        step = float(np.median(np.diff(columns["time"])))
+        if step <= 0:
+            raise UserError(
+                f"{recording.name}: column '{name}', taken for the time, does not rise: its usual "
+                f"step is {step:.4g}.",
+                "Put its rows in the order in which they were recorded.",
+            )
+        step_s = step * TIME.get(unit, math.nan)
+        if step_s < STEPS_S[0] or step_s > STEPS_S[1]:
+            unit = f"{unit} (a usual step of {step_s:.4g} s)"
+        said = f"time: column '{name}', usual step {step:.4g}"
+        rows.append(f"time_column = {_quoted(name)}")
+        rows += _unit_row(proposal, "sampling", "time_unit", unit, "time", said)
     else:
         proposal.lines.append("time: no column of time")
         rows += _needed(proposal, "sampling", "period_s")
@@ -126,20 +144,30 @@ def _read(recording: Path) -> tuple[FileTable, dict[str, str]]:
     for form in forms:
         try:
             table = read_table(recording, None, form, name=recording.name)
-            if len(_numeric(table)) > 1:
-                return table, {}
-            units = {n: table.texts(n)[0] for n in table.cells if len(table)}
-            if len(table) > 1 and any(_unit(u) for u in units.values()):
+            if form.header_line != 0 and _no_names(table):
+                continue
+            top = table.kept(np.arange(len(table)) < 1, "more")
+            units = {n: top.texts(n)[0] for n in table.cells if len(table)}
+            if len(table) > 1 and any(u.strip("[](){} ") in SPELT for u in units.values()):
                 under = form.model_copy(update={"first_data_line": int(table.lines[1])})
                 table = read_table(recording, None, under, name=recording.name)
                 if len(_numeric(table)) > 1:
                     return table, units
+            elif len(_numeric(table)) > 1:
+                return table, {}
         except UserError as error:
             first = error if form is forms[0] else first
     raise first or UserError(
-        f"{recording.name}: has fewer than two columns of numbers.",
+        f"{recording.name}: has fewer than two columns of numbers under a line of names.",
         "Give a table with deflection and torque.",
     )
+
+
+def _no_names(table: FileTable) -> bool:
+    # A line of numbers or of units that is not the header.
+    names = [n.strip("[](){} ") for n in table.names if n]
+    number = any(POINT.fullmatch(n) or COMMA.fullmatch(n) for n in names)
+    return number or {*names} <= {*SPELT}
 
 
 def _numeric(table: FileTable) -> list[str]:
@@ -155,81 +183,100 @@ def _is_numeric(table: FileTable, name: str) -> bool:
         return False
 
 
-def _unit(text: str) -> str:
-    """The unit that a word means, or nothing."""
-    known = {u for units in UNITS.values() for u in units}
-    return text if text in known else ALIASES.get(text.lower(), "")
+def _named(name: str, row: str) -> tuple[set[str], str]:
+    """What a column may be, by its words and the unit stated in its name or in a line of units."""
+    name = re.sub(r"\s*/\s*", "/", name)
+    inside = re.findall(r"[\[({]([^\[\](){}]*)[\])}]", name)
+    words = re.split(r"[\s_,;:\"-]+", re.sub(r"[\[({].*?[\])}]", " ", name).strip(' "'))
+    run = [*takewhile(PARTS.__contains__, words[:0:-1])][::-1]
+    stated = (*inside[-1:], " ".join(run), row.strip("[](){} "))
+    unit = " and ".join(sorted({SPELT.get(u, u) for t in stated if (u := t.strip())}))
+    head = " ".join(words[: len(words) - len(run)])
+    head = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", head).lower()
+    by_word = {q for q, known in WORDS.items() if {*re.split(r"\W+", head)} & {*known.split()}}
+    by_unit = {q for q, known in UNITS.items() if unit in known}
+    return set() if unit == RATE else by_word & by_unit or by_word | by_unit, unit
 
 
-def _words(name: str) -> list[str]:
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", name)
-    return [w for w in re.split(r"[\s_\[\](){},;:/\\-]+", spaced) if w]
+def _columns(table: FileTable, units: dict[str, str]) -> dict[str, tuple[str, str]]:
+    """Each quantity's column, the only one that may be it, and the unit as stated."""
+    may = {n: _named(n, units.get(n, "")) for n in _numeric(table)}
+    found: dict[str, tuple[str, str]] = {}
+    for what in WORDS:
+        names = [n for n, (kinds, _) in may.items() if what in kinds]
+        if len(names) == 1 and len(may[names[0]][0]) == 1:
+            found[what] = names[0], may[names[0]][1]
+        elif names or what != "time":
+            raise UserError(
+                f"{table.name}: the names do not show which column of numbers is the {what}: "
+                f"{listed(names or [*may])}.",
+                "Name them in a copy of the file, such as time_s, theta_rad and tau_Nm, and only "
+                "one for each; or write the mapping by hand: docs/identify.md.",
+            )
+    return found
 
 
-def _columns(
-    table: FileTable, named: Sequence[str], units: dict[str, str]
-) -> dict[str, tuple[str, str, str]]:
-    # Quantity: column, its unit or nothing, why.
-    numeric = _numeric(table)
-    found: dict[str, tuple[str, str, str]] = {}
-    ranked = []
-    for place, name in enumerate(named):
-        words = _words(name)
-        unit = _unit(units.get(name, "")) or next((u for w in words[::-1] if (u := _unit(w))), "")
-        for what, known in WORDS.items():
-            hits = [known.split().index(w.lower()) for w in words if w.lower() in known.split()]
-            if unit and unit not in UNITS[what] and what != "time":
-                continue
-            if hits or (unit in UNITS[what] and len(words) > 1):
-                why = "by its name" if hits else "by its unit"
-                rank = min(hits, default=99) - 50 * (unit in UNITS[what])
-                ranked.append((rank, place, what, (name, unit if unit in UNITS[what] else "", why)))
-    for _, _, what, row in sorted(ranked):
-        if what not in found and row[0] not in {r[0] for r in found.values()}:
-            found[what] = row
-    if "time" not in found:
-        rest = [n for n in numeric if n not in {r[0] for r in found.values()}]
-        if len(rest) > 1 and len(found) < 2 and np.all(np.diff(table.numbers(rest[0])) > 0):
-            found["time"] = rest[0], "", "it only rises"
-    missing = [what for what in ("deflection", "torque") if what not in found]
-    rest = [n for n in numeric if n not in {r[0] for r in found.values()}]
-    if len(rest) == len(missing):
-        found |= {w: (n, "", "the one left") for w, n in zip(missing, rest, strict=True)}
-    elif missing:
-        raise UserError(
-            f"{table.name}: no column's name shows which is {' and which is '.join(missing)}; its "
-            f"columns of numbers are {', '.join(map(repr, numeric)) or 'none'}.",
-            "Rename them in the file, such as theta_rad and tau_Nm, or write the mapping by hand: "
-            "docs/identify.md.",
-        )
+def _zeros(theta: Array, tau: Array) -> dict[str, tuple[str, str]]:
+    """Of both, what is to be subtracted, or nothing where the numbers do not show it; and why."""
+    both = {"deflection": theta, "torque": tau}
+    near = {w: STILL * float(np.ptp(x)) for w, x in both.items()}
+    if all(abs(x[0]) <= near[w] for w, x in both.items()):
+        return dict.fromkeys(both, ("none", "both begin at 0"))
+    found = {}
+    for what, x in both.items():
+        low, high = float(x.min()), float(x.max())
+        middle, said = (low + high) / 2, f"begins at {x[0]:.4g}, {low:.4g} to {high:.4g}"
+        away = np.abs(x - x[0])
+        left, far = (int(np.argmax(away > a)) for a in (near[what], (high - low) / 4))
+        found[what] = "", said
+        if abs(middle) <= near[what]:
+            found[what] = "none", f"as far to both sides, {low:.4g} to {high:.4g}"
+        elif abs(x[0] - middle) <= near[what] and 2 * left >= far:  # longer than a reversal takes
+            found[what] = "first", f"at rest at {x[0]:.4g}, then as far to both sides"
+    if all(abs(x[0]) > near[w] for w, x in both.items()):  # it may rest under load
+        found |= {w: ("", said) for w, (zero, said) in found.items() if zero == "first"}
     return found
 
 
 def _table_rows(
-    proposal: MappingProposal, what: str, column: tuple[str, str, str], values: Array, falls: bool
+    proposal: MappingProposal,
+    what: str,
+    column: tuple[str, str],
+    values: Array,
+    falls: bool,
+    zero: tuple[str, str],
 ) -> list[str]:
-    name, unit, why = column
-    how = "by the column's name" if unit else "guessed"
-    if not unit and what == "deflection":
-        unit = "rad" if float(np.ptp(values)) < 2 * TURN else "deg"
-        how = f"guessed from its range, {values.min():.4g} to {values.max():.4g}"
-    unit = unit or "Nm"
-    rows = ["", f"[{what}]", f"column = {_quoted(name)} # {why}", f'unit = "{unit}" # {how}']
-    said = f"{what}: column '{name}' ({why}), unit {unit} ({how})"
+    name, unit = column
+    said = f"{what}: column '{name}', {values.min():.4g} to {values.max():.4g}"
+    rows = ["", f"[{what}]", f"column = {_quoted(name)}"]
+    rows += _unit_row(proposal, what, "unit", unit, what, said)
     if what == "torque" and falls:
         rows.append("sign = -1 # the torque falls with the deflection")
-        said += ", sign -1: it falls with the deflection"
-    still, start = STILL * float(np.ptp(values)), float(np.median(values[:5]))
-    if abs(start) > still:
-        at_rest = float(np.ptp(values[:5])) <= still
-        zero = "first" if at_rest else "middle"
-        reason = f"it begins {'at rest' if at_rest else 'in motion'} at {start:.4g}"
-        rows.append(f'zero = "{zero}" # {reason}')
-        said += f", zero: {zero} ({reason})"
-    proposal.lines.append(said)
+        proposal.lines.append("torque: sign -1, it falls with the deflection")
+    if zero[0]:
+        rows.append(f'zero = "{zero[0]}" # {zero[1]}')
+        proposal.lines.append(f"{what}: zero {zero[0]} ({zero[1]})")
+    else:
+        rows += _asked(proposal, what, "zero", f"none, first, mean or middle; it {zero[1]}")
     for key, units in SCALED.items():
         rows += _needed(proposal, what, key) if unit in units else []
     return rows
+
+
+def _unit_row(
+    proposal: MappingProposal, table: str, key: str, unit: str, what: str, said: str
+) -> list[str]:
+    known = unit in UNITS[what]
+    proposal.lines.append(f"{said}{f', unit {unit}' if known else ''}")
+    if known:
+        return [f'{key} = "{unit}"']
+    stated = _quoted(unit) if unit else "nothing"
+    return _asked(proposal, table, key, f"stated is {stated}; known: {', '.join(UNITS[what])}")
+
+
+def _asked(proposal: MappingProposal, table: str, key: str, text: str) -> list[str]:
+    proposal.missing.append(f"{table}.{key}: {text}")
+    return [f'{key} = "" # Fill in: {text}']
 
 
 def _needed(proposal: MappingProposal, table: str, key: str) -> list[str]:
