@@ -21,7 +21,9 @@ LEVER_M, SENSITIVITY = 0.05, 0.4  # of a load cell, mV per N
 
 
 def write(path: Path, head: str, *columns, sep=",", decimal=".", encoding="utf-8") -> Path:
-    rows = (sep.join(f"{v:.7f}".replace(".", decimal) for v in r) for r in zip(*columns))  # noqa: B905
+    rows = (
+        sep.join(f"{v:.7f}".replace(".", decimal) for v in r) for r in zip(*columns, strict=True)
+    )
     path.write_text("\n".join([*([head] if head else []), *rows, ""]), encoding=encoding)
     return path
 
