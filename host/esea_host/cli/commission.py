@@ -94,6 +94,8 @@ def commission(
         unit = unit_of(bench.device)
         record = CommissioningRecord(folder or Path("commissioning") / machine, machine, unit)
         out.print(record.notice())
+        if bench.device.state() == "UNKNOWN":  # a simulated board's time is the bench's
+            bench.reach("UNREFERENCED", 1.2)
         if not terminal:
             from esea_host.windows.commission import run_commissioning
 
