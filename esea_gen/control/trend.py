@@ -42,22 +42,22 @@ STEP_NM, STEP_NOISES = 0.01, 4.0
 JUMP_NM, STEPPED_S = 0.1, 0.15
 # The fastest that is believed: full torque to and fro at this frequency.
 FASTEST_HZ = 3.0
-# How fast it goes to and fro: means over so long; the fastest; a rate below that is none.  The
-# longest lag of the observer, of one pole, that is taken away: what there is without noise.
+# Frequency of the wish's swing: averaging time, highest value, and the rate below which there is
+# no swing.  LAG_S: the longest lag of an observer pole that is compensated, its lag without noise.
 SWING_S, SWING_HZ, STILL_NM_S, LAG_S = 0.5, 4.0, 1e-3, 0.012
-# It fades over so long (for ever, 4 Nm at 0.5 Hz have a sixth more error), and swings on so far;
-# terms of the series to there, to single precision.
+# The swing decays with SWUNG_S (without decay, 4 Nm at 0.5 Hz has a sixth more error) and is
+# continued by TURN_RAD at most; so many terms of the series give single precision there.
 SWUNG_S, TURN_RAD, TERMS = 2.0, 1.5 * math.pi, 11
-# Where the motor's effective torque, over its largest, is between these, less and less of what goes
-# to and fro is asked for; not of what is slower than that.
+# As the motor's effective torque rises between these shares of its limit, less and less of a fast
+# swing is requested; swings slower than SLOW_HZ are requested whole.
 EFFORT_S, EFFORTS, SLOW_HZ = 0.5, (0.65, 0.78), 0.5
 
 
 # A step moves the observer with it and leaves rate and acceleration alone: then the held torque is
 # asked for, to the bit.  A step is an increment beside the median of the last three.  Noise, by the
 # second difference of the increments, lowers the bandwidth, and much of it the share that is
-# believed.  Along the horizon it swings on about a middle, as a sine of which the observer shows
-# rate and acceleration; with a parabola, 2 Nm to and fro at 2 Hz were taken for 6 and more.
+# believed.  Along the horizon the wish continues as a sine about a middle, with the observer's rate
+# and acceleration; a parabola predicted 6 Nm and more for a sine of 2 Nm at 2 Hz.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
     """Where the wanted torque goes, when only its past is known."""
     return Block.of(_Trend(device, ends_s, name))
