@@ -14,6 +14,7 @@ import sympy as sp
 
 from esea_gen.control.limits.safety import JOINT_RAD
 from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
     Flag,
@@ -34,16 +35,18 @@ REST_RAD_S = 0.1
 # Gains of thesis section 7.2.4: 2 Nm/deg, 0.1 and 0.02 Nms/deg.
 PUBLISHED = {
     "Kp_Nm_rad": math.degrees(2.0),
+    "Kp3_Nm_rad3": 0.0,
     "Kd_Nms_rad": math.degrees(0.1),
     "Kv_Nms_rad": math.degrees(0.02),
 }
-OF_WALL = ("Kp_Nm_rad", "Kd_Nms_rad")
+OF_WALL = ("Kp_Nm_rad", "Kp3_Nm_rad3", "Kd_Nms_rad")
 
 THETA, OMEGA, WALL = sp.symbols("theta omega theta_w", real=True)
-KP, KD, KV = sp.symbols("K_p K_d K_v", nonnegative=True)
+KP, KP3, KD, KV = sp.symbols("K_p K_p3 K_d K_v", nonnegative=True)
 TAU_MAX = sp.Symbol("tau_max", positive=True)
 DEPTH = sp.Max(THETA - WALL, 0)
-PUSH = sp.Max(KP * (THETA - WALL) + KD * OMEGA, 0)
+SPRING = KP * (THETA - WALL) + KP3 * (THETA - WALL) ** 3
+PUSH = sp.Max(SPRING + KD * OMEGA, 0)
 RESISTANCE = -KV * OMEGA
 
 
@@ -58,18 +61,18 @@ def has_wall(device: DeviceData, axis: str) -> bool:
     return section is not None and (not section.wall_axes or axis in section.wall_axes)
 
 
-# With d = max(theta - theta_w, 0) and W = max(Kp (theta - theta_w) + Kd omega, 0) inside the wall,
-# the torque sat(-Kv omega - W) is passive with the storage S(d) = integral_0^d min(Kp s, tau_max)
-# ds: for omega >= 0, Kv omega + W >= Kp d; for omega <= 0 it is <= Kp d, and the saturation keeps
-# that order, so that -tau omega >= dS/dt either way.  It is switched only where the wrist rests
-# outside the wall.
+# With d = max(theta - theta_w, 0), P = Kp d + Kp3 d^3 and W = max(P + Kd omega, 0) inside the wall,
+# the torque sat(-Kv omega - W) is passive with the storage S(d) = integral_0^d min(P, tau_max) ds:
+# for omega >= 0, Kv omega + W >= P; for omega <= 0 it is <= P, and the saturation keeps that order,
+# so that -tau omega >= dS/dt either way.  It is switched only where the wrist rests outside the
+# wall.  A wall that is softer than the coupling at every torque stays calm; both stiffen.
 def impairment(device: DeviceData, *, wall: bool = True) -> Block:
     """Torque of a simulated impairment of one axis (7.1, 7.2; the damping's sign put right)."""
     return Block.of(_Impairment(device, wall))
 
 
 class _Impairment:
-    names = ("wall_rad", "Kp_Nm_rad", "Kd_Nms_rad", "Kv_Nms_rad", "tau_max_Nm")
+    names = ("wall_rad", *OF_WALL, "Kv_Nms_rad", "tau_max_Nm")
 
     def __init__(self, device: DeviceData, wall: bool) -> None:
         form = "Add it; wrist_drive.toml shows the form."
@@ -84,7 +87,9 @@ class _Impairment:
         self.streams = OwnStreams(events=_events)
 
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
-            number = getattr(self.section, name)
+            number = getattr(self.section, name) or Quantity(
+                value=0.0, status="assumed", source="a linear wall"
+            )
             if name == "Kv_Nms_rad" and not self.wall:
                 number = self.section.resistance_Nms_rad or number
             value, source, status = number.value, number.source, number.status
@@ -97,6 +102,7 @@ class _Impairment:
         self.tunables = (
             given("wall_rad", -self.theta, self.theta, "where the wall begins"),
             given("Kp_Nm_rad", 0.0, 200.0, "stiffness of the wall; 0 for no wall"),
+            given("Kp3_Nm_rad3", 0.0, 2000.0, "how much it stiffens with the depth cubed"),
             given("Kd_Nms_rad", 0.0, 20.0, "damping in the wall: higher, less bounce"),
             given("Kv_Nms_rad", 0.0, 5.0, "resistance to speed everywhere"),
             Tunable(
@@ -137,7 +143,7 @@ class _Impairment:
         on = label("on_now", ca.if_else(may, asked, was))
         values = {
             **{THETA: u.theta_rad, OMEGA: u.omega_rad_s, WALL: c.wall_rad},
-            **{KP: c.Kp_Nm_rad, KD: c.Kd_Nms_rad, KV: c.Kv_Nms_rad},
+            **{KP: c.Kp_Nm_rad, KP3: c.Kp3_Nm_rad3, KD: c.Kd_Nms_rad, KV: c.Kv_Nms_rad},
         }
         push = label("push_Nm", ca.if_else(inside, to_casadi(PUSH, values), 0), "it never pulls")
         raw = label("tau_raw_Nm", to_casadi(RESISTANCE, values) - push, "(7.1), (7.2)")

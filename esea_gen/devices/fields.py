@@ -354,7 +354,10 @@ class SimulatedImpairment(Section):
     """Wall with damping and resistance to speed that impair a healthy wrist, chapter 7."""
 
     wall_rad: Quantity = number(-3.14, 3.14, "Where the wall begins, from the neutral position.")
-    Kp_Nm_rad: Quantity = number(0, 200, "Stiffness of the wall.")
+    Kp_Nm_rad: Quantity = number(0, 200, "Stiffness of the wall where it begins.")
+    Kp3_Nm_rad3: Quantity | None = optional(
+        0, 2000, "Torque over the cube of the depth, beside Kp; without the key 0."
+    )
     Kd_Nms_rad: Quantity = number(0, 20, "Damping in the wall.")
     Kv_Nms_rad: Quantity = number(0, 5, "Resistance to speed everywhere.")
     bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the estimate of the joint's rate.")

@@ -20,7 +20,7 @@ PUSH_NM = (0.5, 1.0, 2.0, 3.0, 4.0)
 HANDS_NM_RAD = (0.0, 2.0, 8.0, 20.0, 60.0)
 LIGHTEST_KGM2, RATIO = 0.006, 0.3  # damping of the intent, of a hand that light
 # Where a hand goes that is to push with its muscles and not with its stiffness.
-WALL_RAD, WALL_NM_RAD = 0.0873, 11.0
+WALL_RAD, WALL_NM_RAD, WALL_NM_RAD3 = 0.0873, 6.0, 60.0
 RISE_S, PUSH_S, JUDGED_S, END_S = 0.5, 1.0, 4.5, 6.5
 
 
@@ -39,7 +39,8 @@ class Pushed(Trajectory):
 
 def push_case(push_Nm: float, hand_Nm_rad: float) -> Case:
     """A hand of this stiffness that goes as deep as the torque takes it, and pushes there."""
-    place_rad = WALL_RAD + push_Nm / WALL_NM_RAD
+    depths = np.roots([WALL_NM_RAD3, 0.0, WALL_NM_RAD, -push_Nm])
+    place_rad = WALL_RAD + float(depths[np.isreal(depths)].real[0])
     n = round(END_S * RATE_HZ)
     t = np.arange(n) / RATE_HZ
     theta, omega, alpha = (place_rad * x for x in minimum_jerk(t - RISE_S))

@@ -13,6 +13,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from typer.testing import CliRunner
 
 from esea_gen import files
@@ -43,7 +44,14 @@ from esea_host.assess.patients import (
     sweep,
 )
 from esea_host.assess.probing import MEASURES, Comfort, probing_movement
-from esea_host.assess.responses import LegRecording, Location, Passage, along, passage
+from esea_host.assess.responses import (
+    SENSOR_ERROR_NM,
+    LegRecording,
+    Location,
+    Passage,
+    along,
+    passage,
+)
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor, swept
 from esea_host.assess.validation import (
@@ -269,6 +277,20 @@ def test_loop_in_closed_form(viscous, dry):
     assert r.fastest_rad_s == pytest.approx(amplitude * w, rel=0.02)
     assert r.slow
     assert r.cycles in (3, 4)
+
+
+def test_an_elastic_loop_is_zero_within_the_sensors_error():
+    """A lossless leg and a torque error of 1.8 Nm that lasts 1 s: -2 J was reported as a loss."""
+    t = np.arange(0, 60, 0.02)
+    angle = 1.1 - 0.9 * np.cos(0.4 * t)
+    off = []
+    for seed in range(40):
+        noise = np.random.default_rng(seed).standard_normal(len(t)) * math.sqrt(2 * 0.02)
+        error = SENSOR_ERROR_NM * lfilter([1], [1, -math.exp(-0.02)], noise)
+        r = motion_range(LegRecording(t, angle, error - leg_weight_Nm(1.7, 70) * np.cos(angle)))
+        off.append(r.loop_J / r.loop_error_J)
+    assert 0.7 < np.std(off) < 1.4
+    assert "no measurable loss" in " ".join(r.sentences())
 
 
 # -- validation -------------------------------------------------------------------------------

@@ -11,13 +11,14 @@ import sympy as sp
 from sympy.printing.smtlib import smtlib_code
 
 from esea_gen.control.impairment import (
-    DEPTH,
     KD,
     KP,
+    KP3,
     KV,
     OMEGA,
     PUSH,
     RESISTANCE,
+    SPRING,
     TAU_MAX,
     THETA,
     WALL,
@@ -108,20 +109,24 @@ def test_no_torque_without_a_valid_angle(block, bad):
 # -- passivity -------------------------------------------------------------------------------------
 
 
+# The only power there is; SMT-LIB has none.
+CUBE = "(define-fun pow ((x Real) (n Int)) Real (* x x x))\n"
+
+
 def answer(power: sp.Expr) -> str:
     """Whether z3 finds reals at which a law gives more than its storage loses."""
-    stored = sp.Min(KP * DEPTH, TAU_MAX) * OMEGA
-    symbols = [THETA, OMEGA, WALL, KP, KD, KV, TAU_MAX]
+    stored = sp.Piecewise((sp.Min(SPRING, TAU_MAX), THETA > WALL), (0, True)) * OMEGA
+    symbols = [THETA, OMEGA, WALL, KP, KP3, KD, KV, TAU_MAX]
     plain = {s: sp.Symbol(str(s).replace("_", "")) for s in symbols}
     excess = (power - stored).rewrite(sp.Piecewise).subs(plain)
     table = {plain[s]: float for s in symbols}
-    facts = [plain[s] >= 0 for s in (KP, KD, KV)] + [plain[TAU_MAX] > 0]
+    facts = [plain[s] >= 0 for s in (KP, KP3, KD, KV)] + [plain[TAU_MAX] > 0]
     text = smtlib_code(
         [*facts, excess < 0], symbol_table=table, log_warn=lambda _: None, auto_declare=True
     )
     done = subprocess.run(
         [require_tool("z3"), "-in", "-T:60"],
-        input=text + "\n(check-sat)\n",
+        input=CUBE + text + "\n(check-sat)\n",
         capture_output=True,
         text=True,
         check=True,
@@ -135,7 +140,7 @@ def saturated(x: sp.Expr) -> sp.Expr:
 
 @pytest.mark.ci
 def test_the_law_is_passive_for_all_numbers():
-    """Taken power >= dS/dt with S the integral of min(Kp s, tau_max), whatever the numbers."""
+    """Taken power >= dS/dt, S the integral of min(Kp s + Kp3 s^3, tau_max), for all numbers."""
     wall = sp.Piecewise((PUSH, THETA > WALL), (0, True))
     assert answer(-saturated(RESISTANCE - wall) * OMEGA) == "unsat"
 
@@ -158,7 +163,9 @@ def closed_path(rng, steps=4000):
     return theta, rate
 
 
-@pytest.mark.parametrize("gains", [{}, {"Kd_Nms_rad": 0.0, "Kv_Nms_rad": 0.0}, {"Kv_Nms_rad": 0.0}])
+@pytest.mark.parametrize(
+    "gains", [{"Kp3_Nm_rad3": 60.0}, {"Kd_Nms_rad": 0.0, "Kv_Nms_rad": 0.0}, {"Kv_Nms_rad": 0.0}]
+)
 def test_no_closed_path_gives_energy(block, gains):
     rng = np.random.default_rng(5)
     for _ in range(20):

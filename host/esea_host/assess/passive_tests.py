@@ -17,7 +17,14 @@ from scipy.signal import find_peaks, savgol_filter
 
 from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.responses import LATENCY_S, SLOWEST_S, LegRecording, Passage, passage
+from esea_host.assess.responses import (
+    ERROR_STAYS_S,
+    LATENCY_S,
+    SLOWEST_S,
+    LegRecording,
+    Passage,
+    passage,
+)
 
 REST_S = 0.5  # the end, over which the leg must be at rest
 REST_RAD, REST_rad_s = 3 * DEG, 12 * DEG
@@ -152,6 +159,7 @@ class MotionRange:
     fastest_rad_s: float
     cycles: int
     loop_J: float
+    loop_error_J: float  # standard deviation, from the error of the torque sensor alone
     stiffness_Nm_rad: float | None
     angle_rad: Array
     bending_Nm: Array
@@ -166,8 +174,11 @@ class MotionRange:
             f"The knee moved from {self.low_rad / DEG:.0f}° to {self.high_rad / DEG:.0f}° of "
             f"bending ({(self.high_rad - self.low_rad) / DEG:.0f}° in all), {self.cycles} times "
             "there and back.",
-            f"{self.loop_J:.1f} J are lost in each cycle.",
+            f"{self.loop_J:.1f} J are lost in each cycle, ± {2 * self.loop_error_J:.1f} J by the "
+            "torque sensor's error.",
         ]
+        if self.loop_J < 2 * self.loop_error_J:
+            out.append("That is no measurable loss; more cycles reduce the error.")
         if self.stiffness_Nm_rad is not None:
             per_degree = f"{self.stiffness_Nm_rad * DEG:.2f} Nm per degree"
             out.append(f"In the middle of its range it resists with {per_degree}.")
@@ -186,6 +197,7 @@ def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
     late = round(LATENCY_S / float(p.time_s[1] - p.time_s[0]))
     n = len(p.time_s) - late
     response = p.response_Nm[:n]
+    error = p.error_Nm
     p = Passage(
         p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:], response, p.strained[:n], 0.0
     )
@@ -202,6 +214,9 @@ def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
         raise UserError("range of motion: no whole cycle.", "Bend and straighten at least once.")
     a, b = turns[0], turns[2 * cycles]
     loop = float(np.trapezoid(p.response_Nm[a : b + 1], p.angle_rad[a : b + 1])) / cycles
+    # Work of a stationary error with that correlation time; it can make a lost energy negative.
+    path = float(np.trapezoid(p.rate_rad_s[a : b + 1] ** 2, p.time_s[a : b + 1]))
+    loop_error = error * math.sqrt(2 * ERROR_STAYS_S * path) / cycles
     edges = np.linspace(low, high, bins + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     at = np.clip(np.digitize(p.angle_rad, edges) - 1, 0, bins - 1)
@@ -214,7 +229,9 @@ def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
     third = np.isfinite(mean) & (np.abs(middle - 0.5 * (low + high)) < span / 6)
     slope = float(np.polyfit(middle[third], mean[third], 1)[0]) if third.sum() > 2 else None
     fastest = float(np.quantile(np.abs(p.rate_rad_s), 0.99))
-    return MotionRange(low, high, fastest, cycles, loop, slope, middle, ways[0], ways[1])
+    return MotionRange(
+        low, high, fastest, cycles, loop, loop_error, slope, middle, ways[0], ways[1]
+    )
 
 
 def _turns(angle: Array, low: float, high: float) -> list[int]:
