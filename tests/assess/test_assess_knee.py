@@ -44,14 +44,7 @@ from esea_host.assess.patients import (
     sweep,
 )
 from esea_host.assess.probing import MEASURES, Comfort, probing_movement
-from esea_host.assess.responses import (
-    SENSOR_ERROR_NM,
-    LegRecording,
-    Location,
-    Passage,
-    along,
-    passage,
-)
+from esea_host.assess.responses import LegRecording, Location, Passage, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor, swept
 from esea_host.assess.validation import (
@@ -286,7 +279,7 @@ def test_an_elastic_loop_is_zero_within_the_sensors_error():
     off = []
     for seed in range(40):
         noise = np.random.default_rng(seed).standard_normal(len(t)) * math.sqrt(2 * 0.02)
-        error = SENSOR_ERROR_NM * lfilter([1], [1, -math.exp(-0.02)], noise)
+        error = 1.826 * lfilter([1], [1, -math.exp(-0.02)], noise)
         r = motion_range(LegRecording(t, angle, error - leg_weight_Nm(1.7, 70) * np.cos(angle)))
         off.append(r.loop_J / r.loop_error_J)
     assert 0.7 < np.std(off) < 1.4
