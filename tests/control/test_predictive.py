@@ -441,20 +441,6 @@ def test_a_made_up_linear_plant_has_the_closed_solution(n):
         assert np.array_equal(simulator.state["plan"], double.state["plan"][0])
 
 
-@pytest.mark.ci
-def test_executor_and_double_precision_c_have_the_same_bits(drive, program, runners):
-    rng = np.random.default_rng(0)
-    simulator, runner = program.simulator(), runners["f64"]
-    runner.reset()
-    for _ in range(6):
-        given = situation(rng, drive, program)
-        a, b = simulator.step(**given), runner.step(**given)
-        assert a == dict(b)
-        for name, value in simulator.state.items():
-            # Every work array too.
-            assert np.array_equal(value, np.ravel(runner.state[name][0])), name
-
-
 def test_single_precision_changes_the_command_by_little(drive, program, runners):
     rng = np.random.default_rng(1)
     apart = []

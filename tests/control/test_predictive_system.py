@@ -6,8 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.ahead import ahead
@@ -17,9 +15,6 @@ from esea_gen.emit.build import render_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
-from esea_gen.language.builder import Builder, declare_ports
-from esea_gen.language.program import Program
-from esea_gen.language.statements import ProgramError
 from esea_gen.observe.extrapolation import parabola, parabola_weights
 from esea_gen.studies.responses import StepStudy
 from esea_gen.twin.case import Case, Setting
@@ -255,40 +250,6 @@ def test_predictive_control_as_printed_stands_as_in_the_thesis():
 # -- the device file -------------------------------------------------------------------------------
 
 
-def test_a_device_file_chooses_the_law(small, drive):
-    assert [t.blocks for t in small.system.tasks][1] == (
-        "ahead",
-        "predictive",
-        "redundancy",
-        "stamp",
-    )
-    assert "smc" not in small.system.blocks
-    assert drive.system.blocks.keys() >= {"smc"}
-    two = 'person = "parabola"\nimpedance = "cascade"\n'
-    assert device(two).system.tasks[1].blocks == (
-        ("parabola", "trend", "ahead", "predictive", "redundancy", "stamp")
-    )
-    held = device(two + 'future = "held"\n').system.tasks[1].blocks
-    assert held == ("parabola", "predictive", "redundancy", "stamp")
-    # No key of the section changes what another device is.
-    assert '"predictive":' not in drive.canonical()
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("intervals = { value = 4.0", "intervals = { value = 1.0", "predictive.intervals = 1"),
-        ("intervals = { value = 4.0", "intervals = { value = 2.5", "not a whole number"),
-        ("Q = { value = 300.0", "Q = { value = 0.0", "predictive.Q = 0"),
-        ("[predictive]", '[predictive]\nfuture = "known"', "future"),
-    ],
-)
-def test_bad_numbers_of_the_section_are_refused(old, new, words):
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "bad"\ntitle = "Test"\n'
-    with pytest.raises(UserError, match=words):
-        parse_device(head + PREDICTIVE.replace(old, new), "bad.toml")
-
-
 def test_the_section_needs_a_drive():
     with pytest.raises(UserError, match=r"\[predictive\] needs actuator"):
         device(base="elbow")
@@ -403,27 +364,3 @@ def test_the_shipped_controllers_pass_the_gates(controller, target):
 
 
 # -- what a loop states of itself ------------------------------------------------------------------
-
-
-@settings(max_examples=20)
-@given(st.integers(0, 6), st.integers(0, 6))
-def test_a_loop_that_breaks_its_stated_total_is_found(passes, total):
-    b = Builder()
-    from esea_gen.language.ports import Port
-
-    outputs = (Port("y_Nm", -10.0, 10.0, "out"),)
-    inputs = (Port("x_Nm", -10.0, 10.0, "in"),)
-    for region, ports in (("in", inputs), ("out", outputs)):
-        declare_ports(b, region, ports)
-    with (
-        b.part("step"),
-        b.loop(0, 2),
-        b.loop(0, passes, most=6, total=total),
-    ):
-        b.call("copy", [b.memory["in.x_Nm"][0]], [b.memory["out.y_Nm"][0]], lambda x: x)
-    p = Program.define("p", "p", period_s=0.1, builder=b, inputs=inputs, outputs=outputs)
-    if 2 * passes > total:
-        with pytest.raises(ProgramError, match=f"stated {total}"):
-            p.simulator().step(x_Nm=1.0)
-    else:
-        p.simulator().step(x_Nm=1.0)
