@@ -165,16 +165,6 @@ def test_the_elbow_scaled_to_a_wrist_has_what_was_designed_for_the_wrist():
         assert made[key].value == pytest.approx(WRIST[key].value, rel=0.1), key
 
 
-def test_a_light_drive_has_no_more_least_damping_than_damping():
-    made = short(WRIST, 3e-6, u_max_Nm=0.08, k1_Nm_rad=3.0, tau_max_Nm=2.0).file.passivity
-    assert made.least_Nms_rad.value < made.damping_Nms_rad.value
-
-
-def test_a_control_period_below_the_bases_release_ends_at_its_own():
-    timing = short(ELBOW, ROTORS["elbow_drive"], control_rate_Hz=1000.0).file.timing
-    assert timing.control_release_s.value == 1e-3
-
-
 def test_a_number_that_the_file_gives_is_left_as_it_is():
     text = short_text("mine", "elbow_drive", answers(ELBOW, 3e-4) | {"gear_ratio": 50.0})
     own_J = 'J_kgm2 = { value = 0.9, status = "identified", source = "rig" }\n'
