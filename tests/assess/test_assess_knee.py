@@ -44,12 +44,7 @@ from esea_host.assess.probing import Comfort, probing_movement
 from esea_host.assess.responses import LegRecording, Location, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor, swept
-from esea_host.assess.validation import (
-    against_elbow,
-    knee_stiffness,
-    pendulum_table,
-    ramp_torque,
-)
+from esea_host.assess.validation import against_elbow, knee_stiffness, pendulum_table, ramp_torque
 from esea_host.cli.app import app
 from esea_host.recording.integrity import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout

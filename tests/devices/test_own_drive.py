@@ -43,10 +43,7 @@ def test_no_zero_is_taken_over(base):
     """Neither by a file that extends, nor by a copy; a zero of one's own stays."""
     head = f'schema = 1\nextends = "{base}"\nname = "mine"\ntitle = "mine"\n'
     zero = '[encoder.load]\nzero_rad = { value = 0.1, status = "identified", source = "rig" }\n'
-    for device in (
-        parse_device(head, "mine.toml"),
-        copy_device(load_device(base), "mine"),
-    ):
+    for device in (parse_device(head, "mine.toml"), copy_device(load_device(base), "mine")):
         sides = device.file.encoder.motor, device.file.encoder.load
         assert [side.zero_rad for side in sides] == [None, None]
     load = parse_device(head + zero, "mine.toml").file.encoder.load

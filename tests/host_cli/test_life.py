@@ -153,12 +153,7 @@ def test_when_there_is_no_room_the_oldest_range_is_half_a_cycle(counting):
 
 
 MOST_rad = 0.35
-CURVE = {
-    "range_rad": 0.3,
-    "cycles": 100.0,
-    "exponent": 5.0,
-    "warn_share": 0.5,
-}
+CURVE = {"range_rad": 0.3, "cycles": 100.0, "exponent": 5.0, "warn_share": 0.5}
 
 
 @pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])

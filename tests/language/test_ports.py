@@ -10,15 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.language.component import check_ports
-from esea_gen.language.ports import (
-    Constant,
-    Flag,
-    Port,
-    Tunable,
-    f32_inside,
-    threshold,
-    unit_of,
-)
+from esea_gen.language.ports import Constant, Flag, Port, Tunable, f32_inside, threshold, unit_of
 
 UNITS = {
     "rad": "rad",

@@ -9,12 +9,7 @@ import pytest
 from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
-from esea_gen.language.statements import (
-    Ix,
-    Memory,
-    ProgramError,
-    Ref,
-)
+from esea_gen.language.statements import Ix, Memory, ProgramError, Ref
 
 X, Y = Port("x", -9.0, 9.0, "in", 3), Port("y", -1e4, 1e4, "out", 4)
 
@@ -120,10 +115,7 @@ def broken(change) -> Program:
             for n in ("in.x", "t", "n")
         ),
         (lambda b: put_into(b, Ref("gone", Ix(0), 1)), "p: no array gone"),
-        (
-            lambda b: put_into(b, b.memory["out.y"][0], [Ref("lost", Ix(0), 1)]),
-            "p: no array lost",
-        ),
+        (lambda b: put_into(b, b.memory["out.y"][0], [Ref("lost", Ix(0), 1)]), "p: no array lost"),
     ],
 )
 def test_a_body_that_does_not_fit_its_ports_is_refused(change, words):

@@ -9,11 +9,7 @@ import pytest
 from numpy import abs, clip, exp, tanh, where
 
 from esea_gen.observe.cable import cable_observer
-from esea_gen.observe.disturbance import (
-    drive_observer,
-    drive_observer_by_gear,
-    gear_observer,
-)
+from esea_gen.observe.disturbance import drive_observer, drive_observer_by_gear, gear_observer
 from tests.single_steps import COUNT, Steps, word
 
 H = 1e-3

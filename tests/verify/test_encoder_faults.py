@@ -50,8 +50,7 @@ def moved(a, b, full):
 
 
 @pytest.mark.parametrize(
-    ("side", "counts", "full"),
-    [("load", ["count_load"], 4096), ("gear", ["count_gear"], 2**17)],
+    ("side", "counts", "full"), [("load", ["count_load"], 4096), ("gear", ["count_gear"], 2**17)]
 )
 def test_a_fault_begins_at_its_tick_and_touches_its_encoder_alone(sound, side, counts, full):
     wrong = run(f"slip:{side}@4=0.0838")
