@@ -368,12 +368,6 @@ def test_settings_without_an_answer(call, reason):
     assert caught.value.reason == reason
 
 
-def test_the_bad_movement_of_a_stack_is_named():
-    stack = np.array([GOOD, GOOD, np.zeros(200)])
-    with pytest.raises(NoAnswerError, match="movement 2,"):
-        sparc(stack, 100.0)
-
-
 # -- chain and band -------------------------------------------------------------------------------
 
 
@@ -449,14 +443,3 @@ def test_a_few_recorded_reaches_agree_with_the_published_package():
         speed = reach_speed(own["x_px"], own["y_px"], own["time_ms"] / 1000)
         assert sparc(speed, 100.0).value == pytest.approx(arc, abs=1e-8)
         assert ldlj(speed, 100.0).value == pytest.approx(jerk, abs=1e-8)
-
-
-@pytest.mark.parametrize("factor", [1e-300, 1e300])
-def test_numbers_of_any_size(factor):
-    """Powers of them would be 0 or infinite."""
-    for metric in (ldlj, dimensionless_jerk):
-        assert metric(factor * GOOD, 100.0).value == pytest.approx(metric(GOOD, 100.0).value)
-    for metric in (rms_acceleration, vdv):
-        assert metric(factor * GOOD, 100.0).value == pytest.approx(
-            factor * metric(GOOD, 100.0).value
-        )
