@@ -1,4 +1,4 @@
-"""What crosses a Block's border and how a Block starts: by the definitions, worked out by hand."""
+"""Ports: names with their units, the nearest float32 ends, names that C has taken."""
 
 from __future__ import annotations
 

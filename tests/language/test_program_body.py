@@ -1,4 +1,4 @@
-"""The body of a Program, statement by statement: what each does, by small sums done by hand."""
+"""The body of a Program: exits, bounds of loops and places, and what does not fit its ports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives that a Block carries along beside its step, against closed forms and differences."""
+"""Derivatives that a Block carries along beside its step, against differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a System hangs together: who feeds whom, what is latched, what the watch is asked."""
+"""What does not hang together in a System is refused, with its name."""
 
 from __future__ import annotations
 

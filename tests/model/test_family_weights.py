@@ -1,4 +1,4 @@
-"""Weights of a family's member, against normal equations written out; terms in closed form."""
+"""Weights of a family's member, against normal equations written out."""
 
 from __future__ import annotations
 

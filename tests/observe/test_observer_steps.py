@@ -1,4 +1,4 @@
-"""The observers typed a second time in NumPy, from the equations of docs/control.md."""
+"""The drive's disturbance and the cable's gap typed a second time, from docs/control.md."""
 
 from __future__ import annotations
 
