@@ -1,4 +1,4 @@
-"""Many cases: their percentiles by a second bootstrap, failures counted, and who runs them."""
+"""Many cases: the bootstrap interval of a percentile covers."""
 
 from __future__ import annotations
 

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.plots import (
-    bode,
-    crossed,
-    rms_by_case,
-    save,
-    torque_tracking,
-)
+from esea_gen.analysis.plots import bode, crossed, rms_by_case, save, torque_tracking
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK, MEASURED, MODEL
 from tests.drawn_figures import bands, legend, line, lines, words

@@ -25,11 +25,7 @@ from esea_host.assess.hypotheses import (
     mixtures,
     summarised,
 )
-from esea_host.assess.judge import (
-    calibration_error,
-    confusion,
-    share_interval,
-)
+from esea_host.assess.judge import calibration_error, confusion, share_interval
 from esea_host.assess.probing import (
     Comfort,
     contextual_information,

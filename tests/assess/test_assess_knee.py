@@ -18,10 +18,10 @@ from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE
 from esea_host.assess import build as build_module
-from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many, none_offset
+from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
-from esea_host.assess.evaluation import draw_groups, evaluate, meet
+from esea_host.assess.evaluation import meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.judge import judge
 from esea_host.assess.passive_tests import motion_range, pendulum_test
@@ -44,12 +44,7 @@ from esea_host.assess.probing import Comfort, probing_movement
 from esea_host.assess.responses import LegRecording, Location, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
 from esea_host.assess.simulated import knee_sensor, swept
-from esea_host.assess.validation import (
-    against_elbow,
-    knee_stiffness,
-    pendulum_table,
-    ramp_torque,
-)
+from esea_host.assess.validation import against_elbow, knee_stiffness, pendulum_table, ramp_torque
 from esea_host.cli.app import app
 from esea_host.recording.integrity import Gap, GapError
 from esea_host.recording.layout import StreamColumn, StreamLayout
@@ -146,14 +141,6 @@ def test_free_leg_without_passive_torque_is_a_pendulum():
     period = 2 * float(np.mean(np.diff(crossings)))
     exact = 2 * math.pi * math.sqrt(knees.inertia[0] / knees.weight[0])
     assert period == pytest.approx(exact, rel=2e-3)
-
-
-def test_the_excitation_is_the_thesis():
-    path, rate = sweep()
-    assert np.ptp(path) == pytest.approx(130 * DEG, rel=1e-4)
-    assert np.abs(rate).max() / DEG == pytest.approx(120, abs=3)
-    assert np.gradient(path, STEP_S)[1:-1] == pytest.approx(rate[1:-1], abs=1e-4)
-    assert len(path) * STEP_S == pytest.approx(0.3 / 0.5 * 60)
 
 
 def test_hands_never_pull_more_than_10_kgf():
@@ -295,23 +282,6 @@ def test_the_published_elbow_against_the_simulated_knee():
 # -- meeting patients -------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_evaluation_is_the_same_for_any_number_of_workers():
-    require_tool("gcc")
-    data = made_up()
-    one = evaluate(data, 7, 3, 1, ways=("expected", "random"))
-    two = evaluate(data, 7, 3, 2, ways=("expected", "random"))
-    assert len(one[0]) == len(two[0])
-    for a, b in zip(one[0] + one[1], two[0] + two[1], strict=True):
-        assert np.array_equal(a.steps, b.steps)
-
-
-def test_it_is_judged_on_the_simulated_knees_categories_alone():
-    for names in (("S", "D"), ("stiff", "soft"), ("S1", "S2", "D1"), ("Spastic", "D1", "D2")):
-        with pytest.raises(UserError, match="judged on are S1"):
-            draw_groups(10, 1, names)
-
-
 @pytest.mark.ci
 def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
     """Of each category the first and the last, simulated again; the file keeps seven digits."""
@@ -448,16 +418,6 @@ def test_a_conversation_without_a_sensor_and_with_one(base, tmp_path):
     assert "http" not in text.replace("http://www.w3.org", "")
 
 
-def test_a_typed_torque_is_what_a_sensor_at_the_midpoint_reads():
-    """A leg held level weighs; of a mean body nothing else is taken off."""
-    for mass_kg, more_Nm, response_Nm in ((70, 0.0, 0.0), (140, 8.0, 4.0)):
-        # Twice the mass: twice the weight is taken off, and the rest halved.
-        desk = ClinicDesk(Assessment(made_up()), height_m=1.7, mass_kg=mass_kg)
-        middle_rad = desk.proposed.location.angle_rad
-        desk.torque(-leg_weight_Nm(1.7, mass_kg) * math.cos(middle_rad) + more_Nm)
-        assert desk.session.trail[-1].details["response_Nm"] == pytest.approx(response_Nm)
-
-
 @pytest.mark.parametrize("name", ["S3", "S5"])
 def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name, monkeypatch):
     """A reflex answers 60 ms late: read at the midpoint, it tells of where the leg was before."""
@@ -555,14 +515,6 @@ def test_wrong_units_and_what_is_no_fall(tmp_path, call, t, columns, said):
     time_s = np.arange(1200) * t
     file = csv_of(tmp_path / "x.csv", time_s=time_s, **{k: f(time_s) for k, f in columns.items()})
     assert re.search(said, refused(call, file))
-
-
-def test_no_seed_meets_the_calibrations_patients(base):
-    """Seeds below 0 would: they count from those of the evaluation down to those."""
-    for call in (("evaluate", "--seed", -987), ("run", "--seed", -1)):
-        done = CliRunner().invoke(app, ["assess", *map(str, call), "--database", str(base)])
-        assert done.exit_code == 2
-        assert "greater than or equal to 0" in done.output
 
 
 def mcap_of(path, gap=False, note="", **columns):
@@ -745,12 +697,3 @@ def test_every_command_says_what_it_is_not():
     assert shown[0] == MEASURED_NOTICE
     assert shown[1].count(".") == 2
     assert "erprobt" in shown[1]  # tried, as in English; not trained
-
-
-def test_none_of_these_is_lowered_where_patients_would_be_called_so():
-    few = np.concatenate([[0.99, 0.95, 0.9], np.full(97, 0.01)])
-    found = none_offset(few)
-    assert found["none_called"] == 2  # 2 of 100, and no more
-    assert found["none_log_odds"] == pytest.approx(-math.log(9), abs=1e-3)
-    kept = none_offset(np.full(100, 0.01))
-    assert kept == {"none_log_odds": 0.0, "none_patients": 100, "none_called": 0}

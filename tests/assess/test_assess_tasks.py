@@ -7,13 +7,7 @@ import shutil
 import pytest
 
 from esea_host.assess.patients import DEG
-from esea_host.assess.tasks import (
-    PAUSE_S,
-    SHOWN,
-    TRIES,
-    ProbeTask,
-    assessment_of,
-)
+from esea_host.assess.tasks import PAUSE_S, SHOWN, TRIES, ProbeTask, assessment_of
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import load_protocol, parse_protocol

@@ -1,4 +1,4 @@
-"""What a prediction is made of: its grid, its tape of named values, and the cable's balance."""
+"""The cable's balance that a prediction starts from, at any torque, turn, give and gap."""
 
 from __future__ import annotations
 

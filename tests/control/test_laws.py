@@ -323,10 +323,7 @@ def test_a_law_without_a_wire_says_which(drive):
 @pytest.mark.ci
 @pytest.mark.parametrize(
     ("controller", "board"),
-    [
-        ("mpc", "netduinoplus2"),
-        pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow),
-    ],
+    [("mpc", "netduinoplus2"), pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow)],
 )
 def test_the_emulated_board_runs_every_law(monkeypatch, capsys, tmp_path, controller, board):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):

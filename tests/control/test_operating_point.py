@@ -1,4 +1,4 @@
-"""The float32 error of a Program at an operating point, against closed forms and the compiled C."""
+"""The float32 error of a Program at an operating point, against the compiled C."""
 
 import pytest
 

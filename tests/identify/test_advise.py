@@ -10,13 +10,7 @@ from typer.testing import CliRunner
 from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.identify import identify
-from esea_gen.identify.next_experiment import (
-    RATE_Hz,
-    REST_s,
-    advise,
-    d_optimal,
-    motions,
-)
+from esea_gen.identify.next_experiment import RATE_Hz, REST_s, advise, d_optimal, motions
 from tests.result_schemas import held
 from tests.rigs import rig, written
 
@@ -91,8 +85,7 @@ def test_advice_is_worth_what_it_says(small):
 @pytest.mark.ci
 def test_the_protocol_and_its_motions(small, tmp_path):
     done = CliRunner().invoke(
-        app,
-        f"advise {small} --minutes 2 --out {tmp_path / 'm'} --json {tmp_path / 'a.json'}",
+        app, f"advise {small} --minutes 2 --out {tmp_path / 'm'} --json {tmp_path / 'a.json'}"
     )
     assert done.exit_code == 0, done.output
     assert "what to record next" in done.output

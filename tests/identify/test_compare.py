@@ -22,12 +22,7 @@ from esea_gen.identify.choosing import identify_chosen
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family.choice import CompareRow, choose
 from esea_gen.identify.family.compare import PEERS, fit_peer
-from esea_gen.identify.family.fit import (
-    UnitTerms,
-    fit_member,
-    members,
-    solve_weights,
-)
+from esea_gen.identify.family.fit import UnitTerms, fit_member, members, solve_weights
 from esea_gen.identify.family.identification import family_device, identify_member
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.recorded import Misfits

@@ -10,10 +10,7 @@ import pytest
 
 from esea_gen.device import with_numbers
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.drafting import (
-    draft,
-    fitted_device,
-)
+from esea_gen.identify.drafting import draft, fitted_device
 from esea_gen.identify.published.fit import Fit
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.space import place_of

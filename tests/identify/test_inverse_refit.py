@@ -23,9 +23,7 @@ from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.stream import Stream, single
 from esea_gen.model.inverse import inverse_system
-from esea_gen.model.published_inverse import (
-    published_inverse,
-)
+from esea_gen.model.published_inverse import published_inverse
 from esea_gen.reproduce.torque_model import sensed_torque
 from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.compare import compare

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from esea_gen.identify.drive.regression import (
-    CONFIDENCE,
-    Estimate,
-    fit_linear,
-    fit_separable,
-)
+from esea_gen.identify.drive.regression import CONFIDENCE, Estimate, fit_linear, fit_separable
 
 # Student's t for 97.5 %, from printed tables.
 QUANTILES = {1: 12.7062, 2: 4.3027, 4: 2.7764, 9: 2.2622, 30: 2.0423}

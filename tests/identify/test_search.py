@@ -10,11 +10,7 @@ import pytest
 
 from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.published.fit import (
-    SEARCHES,
-    interior_point,
-    search_named,
-)
+from esea_gen.identify.published.fit import SEARCHES, interior_point, search_named
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.search_problem import Searching, SearchMemo, SearchProblem
 from esea_gen.identify.published.space import Space

@@ -1,4 +1,4 @@
-"""Bounds of a family member's rises, softenings, slopes and torques; what is no term is refused."""
+"""Bounds of a family member's rises and first samples: kept, and reached."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Weights of a family's member, against normal equations written out; terms in closed form."""
+"""Weights of a family's member, against normal equations written out."""
 
 from __future__ import annotations
 
@@ -7,12 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from esea_gen.identify.family.fit import (
-    UnitTerms,
-    fit_member,
-    misfits_of,
-    trained_scale,
-)
+from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of, trained_scale
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.model.family import Member, Rise, Term

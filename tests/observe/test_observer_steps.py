@@ -1,4 +1,4 @@
-"""The observers typed a second time in NumPy, from the equations of docs/control.md."""
+"""The drive's disturbance and the cable's gap typed a second time, from docs/control.md."""
 
 from __future__ import annotations
 
@@ -9,11 +9,7 @@ import pytest
 from numpy import abs, clip, exp, tanh, where
 
 from esea_gen.observe.cable import cable_observer
-from esea_gen.observe.disturbance import (
-    drive_observer,
-    drive_observer_by_gear,
-    gear_observer,
-)
+from esea_gen.observe.disturbance import drive_observer, drive_observer_by_gear, gear_observer
 from tests.single_steps import COUNT, Steps, word
 
 H = 1e-3

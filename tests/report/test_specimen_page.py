@@ -63,13 +63,7 @@ def put(name: str, kind: str, content: dict) -> str:
 def compared(chosen="slips", **other) -> str:
     identified = json.loads(Path("rig.json").read_text())
     rows = [
-        {
-            "model": m,
-            "condition": c,
-            "training": e / 2,
-            "held_out": e,
-            "instructions": i,
-        }
+        {"model": m, "condition": c, "training": e / 2, "held_out": e, "instructions": i}
         for m, i, error in (("stops", 330.4, 1.25), ("slips", None, 1.75))
         for c, e in (("last cycles", error), ("rig block 1", 4 * error))
     ]

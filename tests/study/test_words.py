@@ -1,4 +1,4 @@
-"""Texts of the windows: complete in every language, none left in the source, a study's own."""
+"""Texts of the windows: complete in every language, and a study's own."""
 
 from __future__ import annotations
 

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.twin.trajectories import (
-    RATE_HZ,
-    backdriven,
-    bread,
-    fixed_sinusoid,
-    impedance,
-)
+from esea_gen.twin.trajectories import RATE_HZ, backdriven, bread, fixed_sinusoid, impedance
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.coverage import branch_coverage
-from esea_gen.verify.executor import (
-    exact_trajectory,
-    setup_difference,
-)
+from esea_gen.verify.executor import exact_trajectory, setup_difference
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from tests.conftest import require_tool

@@ -21,7 +21,7 @@ from esea_gen.twin.run import run_case
 from esea_gen.verify.faults import everyone
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import rig_of
-from esea_gen.verify.faults.subjects import SUBJECTS, StretchReflex
+from esea_gen.verify.faults.subjects import SUBJECTS
 from tests.cli.test_cli import run as run_cli
 from tests.conftest import ROOT, require_tool, without
 
@@ -50,8 +50,7 @@ def moved(a, b, full):
 
 
 @pytest.mark.parametrize(
-    ("side", "counts", "full"),
-    [("load", ["count_load"], 4096), ("gear", ["count_gear"], 2**17)],
+    ("side", "counts", "full"), [("load", ["count_load"], 4096), ("gear", ["count_gear"], 2**17)]
 )
 def test_a_fault_begins_at_its_tick_and_touches_its_encoder_alone(sound, side, counts, full):
     wrong = run(f"slip:{side}@4=0.0838")
@@ -167,25 +166,6 @@ def test_what_a_fault_does_is_within_the_pages_table(some):
         latest = rows[row]["latest, ticks"]
         if law == BEST_CONTROLLER:
             assert felt["found_ticks"] <= (0 if latest == "–" else int(latest)), (row, person, seed)
-
-
-def test_amounts_are_of_the_joint():
-    """A count of 2^17 a turn of a motor that turns 74 times as far."""
-    faults = {text: everyone.board_fault(text, 74.0) for text in everyone.FAULTS}
-    assert faults["slip:gear=-0.03"].amount == pytest.approx(-0.03 * 74 / (2 * np.pi))
-    assert faults["drift:load=0.5"].amount == pytest.approx(0.5 / (2 * np.pi))
-    assert faults["gain:both=1.2"] == BoardFault("count_motor+count_load", "gain", 1.2)
-    signs = [f.amount for text, f in faults.items() if text.startswith(("slip", "drift"))]
-    assert sorted(signs) == sorted(-x for x in signs)
-    assert {*faults, everyone.ANY} > set(page_rows("fault-injection.md", "encoder-faults"))
-
-
-def test_a_reflex_pulls_late_and_by_its_share():
-    reflex = StretchReflex(1e-3)
-    pulled = np.array([reflex.moved(1.0, 0.9) for _ in range(1000)]) - 1.0
-    assert np.all(pulled[:50] == 0)
-    assert pulled[50] > 0
-    assert pulled[-1] == pytest.approx(0.3 * 0.1, rel=1e-6)
 
 
 def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():

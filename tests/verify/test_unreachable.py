@@ -1,4 +1,4 @@
-"""What is said to be impossible, or to follow, against all that random numbers do."""
+"""What is said to be impossible, against all that random numbers do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a verification is judged by and says: full scales, ranges, and sums over comparisons."""
+"""What a verification says: its verdict over all comparisons, in one line."""
 
 from __future__ import annotations
 

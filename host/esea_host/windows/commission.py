@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtGui import QCloseEvent, QColor, QImage, QKeyEvent, QPixmap
+from PySide6.QtGui import QCloseEvent, QImage, QKeyEvent, QPixmap
 from PySide6.QtWidgets import QLabel, QListWidget
 
 from esea_host.commissioning import (
@@ -255,7 +255,7 @@ class CommissioningWindow(StopWindow):
 
     def _show_result(self, result: StepResult) -> None:
         colour = self.theme.good if result.passed else self.theme.alarm
-        first, *rest = (html.escape(x) for x in result.lines())
+        first, *rest = (html.escape(x) for x in result.lines(self.bench.device.simulated))
         more = "<br>".join(x.replace("  ", "&nbsp;&nbsp;") for x in rest)
         self.text.setText(f'<p style="color:{colour}; font-size:17px"><b>{first}</b></p>{more}')
         self.picture.setPixmap(self._drawn(result.picture))
@@ -268,7 +268,7 @@ class CommissioningWindow(StopWindow):
         pixels = imread(drawn)[..., :3]
         if self.theme is DARK:
             pixels += 1 - pixels.max(-1, keepdims=True) - pixels.min(-1, keepdims=True)
-            ground = np.array(QColor(DARK.ground).getRgbF()[:3])
+            ground = np.array([*bytes.fromhex(DARK.ground[1:])]) / 255
             pixels = ground + pixels * (1 - ground)
         height, width, _ = pixels.shape
         data = (255 * pixels).round().astype(np.uint8).tobytes()

@@ -227,7 +227,7 @@ class LimitBands(PlotPanel):
     def axis_px(self) -> int:
         """The width that its names need: one that does not fit is left out."""
         letters = self.item.getViewWidget().fontMetrics()
-        wide = (letters.horizontalAdvance(f.name) for _, f in self.flags)
+        wide = [int(letters.horizontalAdvance(f.name)) for _, f in self.flags]
         return max(LEAST_AXIS_PX, *wide) + 2 * NUMBER_PX
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
