@@ -6,7 +6,6 @@ import errno
 import subprocess
 import sys
 from importlib import import_module
-from operator import attrgetter
 from pathlib import Path
 
 import click
@@ -127,13 +126,6 @@ def test_a_full_disk_is_one_paragraph(capsys, monkeypatch, tmp_path):
     with pytest.raises(UserError, match="No space left"):
         save(new_figure(2, 2)[0], tmp_path / "old.png")
     assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]
-
-
-def test_what_is_slow_is_seen():
-    """Armed: the package's face does load it, when it is asked for."""
-    assert "casadi" in loaded_by("from esea_gen import load_device")
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        attrgetter("nothing")(esea_gen)
 
 
 def completed(line: str) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -85,13 +84,3 @@ def test_the_browser_view_names_its_extra(tmp_path):
     code, said = without(("tornado",), *words, cwd=tmp_path, program="esea_host")
     assert code == 2
     assert f'needs tornado, which is not installed. {INSTALL}[serve]"' in said
-
-
-def test_every_package_of_an_extra_is_out_of_the_core():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    core = " ".join(project["dependencies"])
-    extras = project["optional-dependencies"]
-    assert {"link", "host", "cluster", "dev"} <= set(extras)
-    for name in ("pymavlink", "pyserial", "mcap", "pandas", "dask", "h5py", "pytest"):
-        assert name not in core
-    assert "esea-gen[link]" in extras["host"]

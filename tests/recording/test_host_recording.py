@@ -18,14 +18,7 @@ from mcap.reader import make_reader
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording import (
-    Gap,
-    GapError,
-    Recorder,
-    RecordingState,
-    StreamColumn,
-    StreamLayout,
-)
+from esea_host.recording import Gap, GapError, Recorder, RecordingState, StreamColumn, StreamLayout
 from tests.conftest import ROOT
 from tests.fuzz.hostile import bomb, foreign_recording
 

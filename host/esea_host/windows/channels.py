@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
 
 from esea_host.recording.layout import StreamColumn
 from esea_host.windows.frame import column_of
-from esea_host.windows.theme import plain_tip
+from esea_host.windows.theme import Theme, plain_tip
 
 
 class ChannelTree(QWidget):
@@ -41,6 +41,13 @@ class ChannelTree(QWidget):
         self.tree.itemChanged.connect(lambda *_: changed())
         self.tree.itemActivated.connect(_toggle)
         self.setLayout(column_of(self.search, self.tree))
+
+    def show_theme(self, theme: Theme) -> None:
+        """Boxes whose edges are seen by night, too."""
+        box = f"width: 10px; height: 10px; border: 1px solid {theme.soft}; border-radius: 2px"
+        chosen = f"background: {theme.wanted}; border-color: {theme.wanted}"
+        style = "QTreeView::indicator {%s} QTreeView::indicator:checked {%s}"
+        self.tree.setStyleSheet(style % (box, chosen))
 
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.
