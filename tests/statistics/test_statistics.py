@@ -235,7 +235,7 @@ def test_crossover_in_any_unit_order_and_naming(trial):
             assert b.estimate == pytest.approx(sign * size * a.estimate, rel=1e-9, abs=1e-12 * size)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(trials(), st.integers(0, 2**32 - 1))
 def test_mixed_model_with_missing_periods(trial, seed):
     """Unit, order and names change nothing; where statsmodels converges, it gives the same."""
