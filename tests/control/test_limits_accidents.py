@@ -197,10 +197,7 @@ def two_tasks(device: Device) -> System:
         device.period_s,
         {"limits": guard, "stamp": stamp},
         (Task("sense", ("limits",)), Task("control", ("stamp",), 5, 0, 1)),
-        {
-            "limits.u_command_Nm": "stamp.u_command_Nm",
-            "limits.control_beat": "stamp.control_beat",
-        },
+        {"limits.u_command_Nm": "stamp.u_command_Nm", "limits.control_beat": "stamp.control_beat"},
         {n: (f"limits.{n}",) for n in names} | {"u_command_Nm": ("stamp.u_command_Nm",)},
         {"u_Nm": "limits.u_Nm", "fault": "limits.fault", "status": "limits.status"},
     )

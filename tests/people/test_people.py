@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_host.people.control import FRAME_S, AxisBelief, AxisController, effort_weight
+from esea_host.people.control import FRAME_S, AxisController
 from esea_host.people.person import Limb, Muscle, PersonModel
 
 HANDLE_KGM2 = 0.006
@@ -79,13 +79,6 @@ def test_nothing_moves_before_the_delays(delay_s, goal_deg):
     felt = round(QUIET.felt_s / FRAME_S)
     assert torques[:felt] == [0.0] * felt
     assert torques[-1] != 0.0
-
-
-@given(bits_s=st.floats(3.0, 6.0), drag_Nms_rad=st.floats(0.0, 1.2))
-@settings(max_examples=10, deadline=None)
-def test_more_accuracy_a_second_takes_less_care_of_effort(bits_s, drag_Nms_rad):
-    load = AxisBelief(0.009, 0.8, 0.03 + drag_Nms_rad)
-    assert effort_weight(load, bits_s + 0.5) < effort_weight(load, bits_s)
 
 
 @pytest.mark.parametrize("limb", LIMBS)
