@@ -148,8 +148,6 @@ def completed(line: str) -> list[str]:
     ("line", "found"),
     [
         ("esea-gen simulate back", ["backdriven"]),
-        ("esea-gen simulate bread --controller sliding", ["sliding_mode"]),
-        ("esea-gen build knee_p", ["knee_printed"]),
         ("esea-gen simulate bread --plant ra", ["random"]),
         ("esea-gen verify elbow_drive --block lim", ["limits"]),
     ],

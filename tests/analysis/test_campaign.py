@@ -65,6 +65,7 @@ def judge_deadly(result, deadly):
             assert r.values == {"x": float(np.random.default_rng(r.case["seed"]).normal())}
 
 
+@pytest.mark.ci
 def test_a_case_that_kills_its_worker_is_the_only_one_that_failed(tmp_path):
     seen, cases = [], deadly_cases(tmp_path / "begun", 1)
     result = run_cases(

@@ -151,6 +151,7 @@ def test_hands_never_pull_more_than_10_kgf():
     assert np.abs(m.torque_Nm).max() == pytest.approx(10 * 9.81 * 0.246 * 1.7)
 
 
+@pytest.mark.ci
 def test_pendulum_behaviour_as_published():
     """Relaxed legs 1.6 or more (Bajd and Vodovnik), less and less with spasticity."""
     found = pendulum_table()
@@ -259,6 +260,7 @@ def test_loop_in_closed_form(viscous, dry):
 # -- validation -------------------------------------------------------------------------------
 
 
+@pytest.mark.ci
 def test_the_published_elbow_against_the_simulated_knee():
     """Threshold, delay and gain in numbers, of the curve itself."""
     found = against_elbow(ROOT / "tests" / "data" / "elbow")

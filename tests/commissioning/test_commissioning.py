@@ -262,7 +262,7 @@ def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().out
     assert not ended.value.code, said
     assert "Zero (simulated): PASSED" in said
-    assert "Motor sign: PASSED" in said
+    assert "Motor sign (simulated): PASSED" in said
     assert "not done" in said
     assert (tmp_path / "r" / "002-sign.png").is_file()
     monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero"])

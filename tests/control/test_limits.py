@@ -55,14 +55,14 @@ def brisk_runners(brisk) -> dict[str, CRunner]:
 
 
 @pytest.mark.parametrize("real", REALS)
-@settings(max_examples=70)
+@settings(max_examples=40)
 @given(st.lists(EVENT, max_size=9))
 def test_any_stream_against_a_plain_state_machine(brisk_runners, real, events):
     x = stream_of(events)
     against_plain_limits(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_random_bits_on_every_input(runners, seed):
     rng = np.random.default_rng(seed)

@@ -104,7 +104,7 @@ def accident_row(device: Device, case: str) -> str:
         lies = dict.fromkeys(LIES[case], 1.0)
         both = [accident(device, hold, free=not hold, sign=s, **lies) for s in (1, -1)]
         then = [y["torque_at_trip"] for y in both if y["trip"] is not None]
-        trip = f"{max(then):.1f}" if len(then) == 2 else "not found"
+        trip = f"{max(then):.1f}" if len(then) == 2 else "not detected"
         cells.append(f"{trip}, {max(y['torque'] for y in both):.1f}")
     return f"| {case} | " + " | ".join(cells) + " |"
 

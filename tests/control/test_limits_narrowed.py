@@ -62,7 +62,7 @@ def narrowed(runner, values):
 
 
 @pytest.mark.parametrize("real", REALS)
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(
     st.fixed_dictionaries({}, optional={k: st.sampled_from(v) for k, v in NARROW.items()}),
     st.lists(EVENT, max_size=6),

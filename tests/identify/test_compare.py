@@ -148,6 +148,7 @@ def test_weights_are_the_bounded_least_squares_of_another_solver():
         assert np.all(np.abs(slopes[mine > low + 1e-9]) < 1e-6)
 
 
+@pytest.mark.ci
 def test_friction_that_turns_back_otherwise_at_each_end_is_drawn(tmp_path):
     """Two sides with relaxations of their own, strokes of two speeds; small steps of Euler."""
     require_tool("gcc")

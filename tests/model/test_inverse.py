@@ -95,7 +95,7 @@ def history(pieces, seed: int) -> np.ndarray:
 
 @pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(HISTORY, st.integers(0, 99))
 def test_forward_of_inverse_is_the_request(pairs, real, pieces, seed):
     pair = pairs[real]

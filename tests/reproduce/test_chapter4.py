@@ -36,12 +36,14 @@ def chapter4():
     return result
 
 
+@pytest.mark.ci
 def test_rms_errors_are_reproduced(chapter4):
     table = chapter4.to_dict()["table_4_5"]
     for (row, column), expected in EXPECTED_RMS.items():
         assert table[row][column] == pytest.approx(expected, rel=0.03), (row, column)
 
 
+@pytest.mark.ci
 def test_published_numbers_are_near(chapter4):
     content = chapter4.to_dict()
     for row in ("no_dob", "filter_a", "filter_b"):
@@ -59,6 +61,7 @@ def test_published_numbers_are_near(chapter4):
     assert np.max(np.abs(np.subtract(cells["rounding"], cells["rounding_unfiltered"]))) < 0.18
 
 
+@pytest.mark.ci
 def test_exact_inverse_is_exact(chapter4):
     content = chapter4.to_dict()
     exact = content["table_4_5"]["exact"]

@@ -36,7 +36,7 @@ def _compiler():
     require_tool("gcc")
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", [AXES[0], pytest.param(AXES[1], marks=pytest.mark.ci)])
 def test_one_axis_follows_and_the_other_stays_without_torque(axis):
     case = load_study("tuning", ClosedLoopStudy).cases()[0]
     run = run_case(case, Setting("wrist_drive", "real", "none", axis=axis), 3)
@@ -89,7 +89,7 @@ def test_axes_without_a_wall():
         parse_device(wrong, "wrong.toml")
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", [AXES[0], pytest.param(AXES[1], marks=pytest.mark.ci)])
 @pytest.mark.parametrize("scene", SCENES[1:3], ids=lambda s: s.name)
 def test_one_encoder_releases_both_axes_in_time(axis, scene):
     fault = BoardFault(of_axis("count_load", axis), "NaN")

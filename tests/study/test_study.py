@@ -411,6 +411,7 @@ def test_the_task_file_may_be_named_on_the_command_line(tmp_path):
     assert done.exit_code == 0
 
 
+@pytest.mark.ci
 def test_many_simulated_participants_whatever_the_workers(tmp_path):
     said = []
     for name, jobs in (("a", "1"), ("b", "2")):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
 
 from esea_host.recording.layout import StreamColumn
@@ -43,11 +44,10 @@ class ChannelTree(QWidget):
         self.setLayout(column_of(self.search, self.tree))
 
     def show_theme(self, theme: Theme) -> None:
-        """Boxes whose edges are seen by night, too."""
-        box = f"width: 10px; height: 10px; border: 1px solid {theme.soft}; border-radius: 2px"
-        chosen = f"background: {theme.wanted}; border-color: {theme.wanted}"
-        style = "QTreeView::indicator {%s} QTreeView::indicator:checked {%s}"
-        self.tree.setStyleSheet(style % (box, chosen))
+        """Edges of boxes are darker than the window: its colour here is one that is seen."""
+        palette = theme.palette()
+        palette.setColor(QPalette.ColorRole.Window, QColor(theme.soft))
+        self.tree.setPalette(palette)
 
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.

@@ -40,7 +40,9 @@ def _apart(low: float, high: float, size_px: float) -> list[tuple[float, float]]
     if not 0 < least < math.inf:
         return []
     digit = 10.0 ** math.floor(math.log10(least))
-    return [next((k * digit, 0.0) for k in (1, 2, 4, 5, 8, 10, 20) if k * digit >= least)]
+    at = [k * digit for k in (1, 2, 4, 5, 8, 10, 20) if k * digit >= least]
+    usual = next(x for x in at if round(x / digit) not in (4, 8))
+    return [(usual if 2 * usual <= high - low else at[0], 0.0)]
 
 
 class PlotPanel:
