@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.recording.conditions import conditions_of, divided, splits_of
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.reading import recorded_deflections
-from esea_gen.identify.recording.recorded import Recording
+from esea_gen.identify.recording.recorded import Misfits, Recording
 from esea_gen.identify.recording.tables import Cycles
 
 BOTH, ONLY, JUDGE, UNUSED = ([0, 1], [2]), ([0, 1, 2], []), ([], [0, 1, 2]), ([], [])
@@ -121,3 +122,20 @@ def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
 
 
 # Errors.
+
+
+def test_errors_are_by_data_set_their_mean_over_data_sets_and_in_per_cent_of_full_scale():
+    made = [recording(data("a", BOTH), data("b", ONLY)), recording(data("c", JUDGE))]
+    errors = [np.array([3.0, -4.0, -1.0]), np.array([0.0, 0.0, -6.0])]
+    found = Misfits.of("Nm", zip(made, errors, strict=True))
+    # a: 3 and -4, then -1; b: all three; c: two nothings and 6.
+    trained, judged = (math.sqrt(12.5) + math.sqrt(26 / 3)) / 2, (1 + math.sqrt(12)) / 2
+    assert (found.mean_rms(False), found.mean_rms(True)) == pytest.approx((trained, judged))
+    means = found.means(50.0)
+    assert means["training_percent"] == pytest.approx(2 * trained)
+    assert means["held_out_Nm"] == pytest.approx(judged)
+    (_, a), _, (_, c) = found.rows(20.0)
+    rms_Nm = math.sqrt(12.5)
+    told = {"rms_Nm": rms_Nm, "rms_percent": 5 * rms_Nm, "max_Nm": 4.0, "max_percent": 20.0}
+    assert a["training"] == pytest.approx(told)
+    assert (c["training"], c["held_out"]["max_Nm"]) == (None, 6.0)

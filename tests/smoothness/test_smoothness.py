@@ -215,16 +215,11 @@ ALL = (sparc, ldlj, dimensionless_jerk, submovements, peak_speed_ratio, rms_acce
         (GOOD[:9], 100.0, "short", "9 samples, too short: at least 10"),
         ([], 100.0, "shape", "shape"),
         (np.ones((2, 3, 4)), 100.0, "shape", "shape"),
-        (["a", "b"], 100.0, "shape", "no array of real numbers"),
-        (GOOD + 1j, 100.0, "shape", "no array of real numbers"),
-        (np.arange(200).astype("datetime64[s]"), 100.0, "shape", "no array of real numbers"),
         (np.ma.masked_inside(GOOD, 1, 1.2), 100.0, "gap", "samples are NaN"),
         (GOOD, 0.0, "rate", "0"),
         (GOOD, math.nan, "rate", "nan"),
         (GOOD, -5, "rate", "-5"),
         (GOOD, "100", "rate", "100"),
-        (GOOD, True, "rate", "True"),
-        (GOOD, 10**400, "rate", "1000"),
     ],
 )
 def test_no_number_without_an_answer(metric, signal, fs_Hz, reason, words):
@@ -336,12 +331,10 @@ def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():
     [
         (lambda: sparc(GOOD, 19.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, cutoff_Hz=51.0), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, cutoff_Hz=0.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, cutoff_Hz=math.nan), "cutoff"),
         (lambda: sparc(GOOD[:20], 1000.0), "short"),
         (lambda: sparc(np.sin(2 * np.pi * 30 * np.arange(2000) / 1000), 1000.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, threshold=1.0), "setting"),
-        (lambda: sparc(GOOD, 100.0, padlevel=99), "setting"),
         (lambda: sparc(GOOD, 100.0, "mine"), "setting"),
         (lambda: ldlj(GOOD, 100.0, "iso2631"), "setting"),
         (lambda: ldlj(np.arange(200.0), 100.0), "constant"),
@@ -354,12 +347,6 @@ def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():
         (lambda: derivatives(with_nan(), 100.0), "gap"),
         (lambda: derivatives(GOOD, 100.0).last(3.0), "short"),
         (lambda: derivatives(GOOD, 100.0).last(math.nan), "short"),
-        (lambda: derivatives(GOOD, 100.0).last("1"), "short"),
-        (lambda: derivatives(GOOD, 100.0, None), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, cutoff_Hz="4"), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, threshold=None), "setting"),
-        (lambda: sparc(GOOD, 100.0, time_s="now"), "shape"),
-        (lambda: submovements(GOOD, 100.0, apart_s="1"), "setting"),
     ],
 )
 def test_settings_without_an_answer(call, reason):

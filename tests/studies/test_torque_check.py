@@ -223,11 +223,8 @@ def test_known_torque_and_budget():
     ("values", "message"),
     [
         ({"mass_kg": 0.0}, "the mass = 0 kg is not within"),
-        ({"mass_kg": math.nan}, "the mass = nan kg"),
-        ({"arm_m": math.inf}, "the arm = inf m"),
         ({"arm_m": 200.0}, "the arm = 200 m is not within 0.01 to 2 m"),
         ({"angle_rad": 1.2}, "Bring the arm nearer the horizontal"),
-        ({"angle_rad": math.nan}, "angle = nan deg"),
         ({"u_arm_m": 0.3}, "the arm's uncertainty"),
         ({"g_m_s2": 1.62}, "gravity = 1.62"),
     ],
