@@ -63,7 +63,7 @@ def environment() -> jinja2.Environment:
 
 
 # A counter of the steps in which a flag was set.
-COUNTER = "{n} += (((out->{port} & {bit}) != 0u) && ({n} != UINT32_MAX)) ? 1u : 0u;"
+COUNTER = "esea_count_flag(&{n}, out->{port} & {bit});"
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:

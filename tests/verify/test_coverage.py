@@ -107,7 +107,8 @@ def test_the_c_gives_every_bit(elbow, elbow_f64, elbow_f32, real, name):
     [
         ("239.0f", "239.00002f"),  # one unit in the last place
         ("INT32_C(371783107)", "INT32_C(371783108)"),  # 2^-27 in an exponent
-        ("state->n_step_clipped != UINT32_MAX", "1"),  # a counter that wraps
+        # A counter that wraps.
+        ("esea_count_flag(&state->n_step_clipped,", "state->n_step_clipped += 0u != ("),
         ("state->play_rad[3] = 0.0f;", ""),  # a state that init leaves as it was
     ],
 )
