@@ -7,14 +7,6 @@ import numpy as np
 from esea_gen.analysis.monte_carlo import percentiles
 
 
-def between(row: np.ndarray, percent: float) -> float:
-    """A percentile on a straight line between order statistics."""
-    row = np.sort(row)
-    place = percent / 100 * (len(row) - 1)
-    k = min(int(place), len(row) - 2)
-    return float(row[k] + (place - k) * (row[k + 1] - row[k]))
-
-
 def test_the_bootstrap_interval_covers():
     hits = sum(
         p.low[50.0] <= 0 <= p.high[50.0]

@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.plots import bode, crossed, rms_by_case, save, torque_tracking
+from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
+from esea_gen.analysis.plots import (
+    bode,
+    crossed,
+    impedance_panels,
+    rms_by_case,
+    save,
+    torque_tracking,
+)
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK, MEASURED, MODEL
 from tests.drawn_figures import bands, legend, line, lines, words
@@ -92,6 +99,13 @@ def test_gain_phase_and_coherence_in_their_units():
     for start, text in ((0.5, "−6.02 dB"), (1.0, "0 dB")):
         low = response(start * np.array([1, 1, 1, 0.1, 0.1]))
         assert legend(bode([("x", low, low.bandwidth())]))[1].endswith(text)
+
+
+def test_impedance_per_angle_and_its_phase_per_rate_whose_line_ends_where_it_goes_round():
+    found = OutputImpedance.of(response(-2.0, [260, 269, 272, 280, 290]))
+    above, below = impedance_panels("smc", found).axes
+    assert line(above.lines[0])[2] == near(2 + 0 * F)
+    assert line(below.lines[0])[2] == near([170, 179, np.nan, -170, -160])
 
 
 def test_cases_that_ended_badly_are_crossed_wherever_they_stand():

@@ -208,12 +208,3 @@ def test_lsl_gets_numbers_by_name_with_the_boards_time(monkeypatch):
     assert [r for r, _ in pushed] == [[50.0], [50.5], [51.0], [51.5], [52.0], [52.5]]
     # The second batch came late: the first one's arrival counts, and steps are the board's.
     assert [t for _, t in pushed] == pytest.approx(10.0 + 0.001 * np.arange(-2, 4))
-
-
-def test_without_the_library_the_way_to_it_is_told(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pylsl", None)
-    with pytest.raises(UserError, match="pip install pylsl"):
-        LslOutlet("x", {})
-    monkeypatch.setitem(sys.modules, "foxglove", None)
-    with pytest.raises(UserError, match="pip install foxglove-sdk"):
-        FoxgloveOutlet(0)

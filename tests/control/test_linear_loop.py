@@ -105,12 +105,6 @@ def test_the_blocks_themselves_swing_as_predicted(monkeypatch, slope):
     assert damping == pytest.approx(predicted.damping, abs=0.01)
 
 
-def test_shipped_and_printed_are_damped():
-    assert least_damped(variant(), law.LEAD).damping > 0.1
-    printed = variant(sliding_mode__lambda_1_s=9.0)
-    assert least_damped(printed, 1.0).damping > 0.2
-
-
 SWINGING = [
     {"sliding_mode__lambda_1_s": 24.9},
     {"actuator__tau_c_s": 0.2},

@@ -4,32 +4,12 @@ import pytest
 
 from esea_gen import load_device
 from esea_gen.hostlib.library import compile_device
-from esea_gen.language.builder import Builder, declare_ports
-from esea_gen.language.ports import Port
-from esea_gen.language.program import Program
 from esea_gen.language.stream import Stream, single
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.verify.runs import run_c
 from tests.benchmarks.predictive_loop import recorded_rows
 from tests.conftest import require_tool
 from tests.operating_point import PointAnalysis
-
-
-def summing(steps: int) -> Program:
-    """y = a + b x + b x + ...: a line whose error has a closed form."""
-    b = Builder()
-    inputs = (Port("a", -100.0, 100.0, "start"), Port("x", -100.0, 100.0, "what is added"))
-    outputs = (Port("y", -1e4, 1e4, "sum"),)
-    declare_ports(b, "in", inputs)
-    out = declare_ports(b, "out", outputs)
-    a, x = b.memory["in.a"], b.memory["in.x"]
-    with b.part("step"):
-        b.call("copy", [a[0]], [out["y"][0]], lambda v: v)
-        with b.loop(0, steps):
-            b.call("add", [out["y"][0], x[0]], [out["y"][0]], lambda y, v: y + 0.1 * v)
-    return Program.define(
-        "summing", "Sum", period_s=1e-3, builder=b, inputs=inputs, outputs=outputs
-    )
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from esea_gen.control.reference import reference
 from tests.single_steps import COUNT, Steps, word
 
 where, clip = np.where, np.clip
-H, TS = 1e-3, 5e-3
+H = 1e-3
 TAU, FULL, SPEED, U = 20.0, 4.47, 12.0, 0.221  # largest of each
 N, J, LAG_S = 74.0, 0.663, 0.03488
 

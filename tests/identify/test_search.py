@@ -16,36 +16,12 @@ from esea_gen.identify.published.search_problem import Searching, SearchMemo, Se
 from esea_gen.identify.published.space import Space
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, Tunable, around
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.report.figures import search_picture
 from tests.benchmarks.identification import KEYS, NumpyPopulation
 from tests.rigs import rig, written
 
 # Slopes of a Block.
-
-
-def powers() -> Block:
-    """y = a^2 s + u |s|^b, s+ = a s + 1 from 0: every derivative is known in closed form."""
-    return Block.define(
-        "powers",
-        "powers",
-        period_s=1e-3,
-        tunables=(
-            Tunable("a", 0.5, 0.0, 1.0, "share kept", "", ""),
-            Tunable("b", 2.0, 0.0, 4.0, "exponent", "", ""),
-        ),
-        coefficients=(Port("square", 0, 1, "a squared"), Port("a", 0, 1, ""), Port("b", 0, 4, "")),
-        prepare=lambda t: {"square": t.a * t.a, "a": t.a, "b": t.b},
-        state=(around("sum_1", 100, "sum"),),
-        inputs=(around("x_1", 100, "input"),),
-        outputs=(around("y_1", 1e6, "output"), around("z_1", 1e6, "another")),
-        step=lambda c, s, u, guard, label: (
-            {"sum_1": c.a * s.sum_1 + 1},
-            {"y_1": c.square * s.sum_1 + u.x_1 * s.sum_1**c.b, "z_1": u.x_1},
-        ),
-    )
 
 
 # The problem: costs, gradients, refinement.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -65,29 +63,6 @@ def test_ends_are_the_nearest_float32_numbers_inside(low, width):
         beyond = float(np.nextafter(np.float32(end), np.float32(way * np.inf)))
         assert way * beyond > way * given_end
     assert threshold(width) == f32_inside(0.0, width)[1]
-
-
-def test_a_bound_that_somebody_names_is_the_bound():
-    # 0.1 lies below the least float32 inside, 0.7 above the greatest; both by less than a unit.
-    t = Tunable("x", 0.1, 0.1, 0.7, "made up")
-    low, high = f32_inside(0.1, 0.7)
-    assert (t.low, t.default, t.high) == (low, low, high)
-    assert low > 0.1
-    assert high < 0.7
-    assert (t.taken(0.1), t.taken(0.7)) == (low, high)
-    for value in (low, high, 0.4, 0.0999999, 0.7000002, -1.0, 5.0):
-        assert t.taken(value) == value
-    unit = float(np.spacing(np.float32(low)))
-    assert t.taken(low - unit) == low
-    assert t.taken(low - 1.01 * unit) == low - 1.01 * unit
-    unit = float(np.spacing(np.float32(high)))
-    assert t.taken(high + unit) == high
-    assert t.taken(high + 1.01 * unit) == high + 1.01 * unit
-    assert math.isnan(t.taken(math.nan))
-    assert Tunable("x", -0.7, -0.7, -0.1, "made up").taken(-0.1) == -low
-    for default in (0.05, 0.8, math.nan):
-        with pytest.raises(ValueError, match=r"tunable x: default \S+ outside \[0\.1"):
-            Tunable("x", default, 0.1, 0.7, "made up")
 
 
 TAKEN = """

@@ -10,7 +10,7 @@ import pytest
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_sensor import unit_terms
 
-LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
+LINEAR = Rise("power", 1)
 SCALE_RAD, REACH_RAD = 0.5, 0.2
 X = REACH_RAD / SCALE_RAD
 

@@ -14,7 +14,7 @@ from tests.single_steps import COUNT, Steps, word
 
 H = 1e-3
 # Of elbow_drive.toml, typed again.
-N, J, FV, FC, WIDTH, TAU_C, U, JH, TAU = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.221, 0.22, 20
+N, J, FV, FC, WIDTH, TAU_C, U, TAU = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.221, 20
 D_MOST = N * U / J
 
 

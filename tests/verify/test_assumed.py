@@ -7,7 +7,6 @@ import pytest
 
 import esea_gen
 from esea_gen.language.stream import Stream, single
-from esea_gen.language.system import System, Task
 from esea_gen.observe.human import extended_state
 from esea_gen.verify import equivalence
 from esea_gen.verify.assumed import steps_beyond
@@ -31,13 +30,6 @@ def drive():
 @pytest.fixture(scope="module")
 def block(drive):
     return extended_state(drive)
-
-
-def alone(block):
-    inputs = {p.name: (f"{block.name}.{p.name}",) for p in block.inputs}
-    outputs = {p.name: f"{block.name}.{p.name}" for p in block.outputs}
-    task = Task("alone", (block.name,))
-    return System("alone", block.period_s, {block.name: block}, (task,), {}, inputs, outputs)
 
 
 def at_rest(theta_rad, tau_Nm, steps=1500):

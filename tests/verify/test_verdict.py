@@ -3,49 +3,11 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
 
 from esea_gen.emit.step_errors import Bound
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Flag, Port
 from esea_gen.verify.verdict import Comparison, Verification
-
-NOT_CONVERGED = Flag("NOT_CONVERGED", "too far", compares=("residual_Nm",), threshold=0.01)
-CLAMPED, INVALID = Flag("REQUEST_CLAMPED", "too much"), Flag("INPUT_INVALID", "no number")
-
-
-def valued(**values: float) -> SimpleNamespace:
-    return SimpleNamespace(**{k: SimpleNamespace(value=v) for k, v in values.items()})
-
-
-def device(u_max_Nm: float | None = None) -> SimpleNamespace:
-    actuator = None if u_max_Nm is None else valued(u_max_Nm=u_max_Nm)
-    domain = valued(theta_max_rad=0.25, omega_max_rad_s=2.5)
-    file = SimpleNamespace(actuator=actuator, domain=domain)
-    return SimpleNamespace(file=file, tau_full_scale_Nm=4.0)
-
-
-def inverse(inputs=None, flags=(INVALID, CLAMPED, NOT_CONVERGED), residual="residual_Nm") -> Block:
-    """Looks like an inverse: a torque turned into a deflection and its rate."""
-    return Block.define(
-        *("inverse", "made up"),
-        period_s=1e-3,
-        state=(Port("tau_r_Nm", -7, 9, "memory"), Port("theta_prev_rad", -1, 1, "memory")),
-        inputs=inputs or (Port("tau_Nm", -9, 9, "wanted"),),
-        outputs=(
-            Port("theta_rad", -0.5, 0.75, "angle"),
-            Port("omega_mid_rad_s", -8, 8, "rate"),
-            Port(residual, -3, 3, "missed"),
-            Port("u_motor_Nm", -6, 6, "at the motor"),
-            Port("status", 0, 7, "status", flags=flags),
-        ),
-        step=lambda c, s, u, guard, label: (
-            vars(s),
-            {"theta_rad": 0, "omega_mid_rad_s": 0, residual: 0, "u_motor_Nm": 0, "status": 0},
-        ),
-    )
 
 
 def comparison(block: str, real: str, errors: dict, **more) -> Comparison:
