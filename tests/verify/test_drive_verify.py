@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ci
 # One fault a Block: what stands in its C, what is put there, which output or state tells of it.
 FAULTS = {
     # The switching term pushes away from the surface.
-    "sliding_mode": (r"law_Nm = u_eq_Nm \+ \(", "law_Nm = u_eq_Nm - (", "u_wanted_Nm"),
+    "sliding_mode": (r"law_Nm = u_eq_Nm \+", "law_Nm = u_eq_Nm -", "u_wanted_Nm"),
     # The energy trips while it is small, and not when it is large.
     "limits": (r"energy_max_J < window_J", "window_J < energy_max_J", "status"),
     # A turn that is counted is forgotten.

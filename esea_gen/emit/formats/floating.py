@@ -172,7 +172,7 @@ def print_kernel(
                 text = bare(text)  # as C reads it anyway
             elif is_condition and not kernel.nodes[a].boolean:
                 text = f"({text} != {fmt.literal(0.0)})"
-            elif n.op in _SEPARATED or (n.op in SELECTING and not is_condition):
+            elif n.op in _SEPARATED or (n.op in SELECTING and kernel.nodes[a].op == "const"):
                 text = bare(text)
             operands.append(text)
         text = fmt.expression(n, operands, kernel)
