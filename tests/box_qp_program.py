@@ -128,10 +128,7 @@ def _answer(
         )
     b.call(
         "report",
-        [
-            *(valid[0], m.convex[0], m.capped[0], m.optimal[0]),
-            *(m.residual[0], m.iterations[0]),
-        ],
+        [*(valid[0], m.convex[0], m.capped[0], m.optimal[0]), *(m.residual[0], m.iterations[0])],
         [y["status"][0], y["residual"][0], y["iterations"][0]],
         lambda valid, convex, capped, optimal, residual, iterations: (
             flag_word(

@@ -57,11 +57,9 @@ SLOW_SAMPLE = (
     "test_coverage_drive.py::test_the_c_gives_every_bit[reference-f64]",
     "test_drive_report.py::test_a_predictive_controller_has_a_page",
     "test_fixed_drive.py::test_the_recorded_rubber_stays_within_the_aim[wrist]",
-    "test_inverse.py::test_published_signals_whole",
     "test_laws.py::test_the_emulated_board_runs_every_law[smc,mpc-mps2-an500]",
     "test_main_job.py::",
     "test_traces.py::",
-    "test_planted.py::test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed",
 )
 
 

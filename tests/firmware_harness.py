@@ -191,21 +191,23 @@ int main(void)
 }
 """
 
-# Every release that the application asks for is told, and every tick of the device's own latches
-# that it leads to.
+# By the linker in the place of every release that the application asks for, and of every tick of
+# the device's own latches that it leads to.
 SPY = """
-#pragma once
 #include <stdio.h>
-#include "esea_{name}.h"
-static inline void spy_latches(esea_{name}_state_t *state, uint32_t tick)
+#include ESEA_LINK_HEADER
+void __real_esea_{name}_release(esea_{name}_state_t *state, uint32_t tick);
+void __wrap_esea_{name}_release(esea_{name}_state_t *state, uint32_t tick)
 {{
     printf("latches %u\\n", (unsigned)tick);
-    esea_{name}_release(state, tick);
+    __real_esea_{name}_release(state, tick);
 }}
-#define esea_{name}_release spy_latches
-#include "esea_{name}_link.h"
-#define esea_link_release(control, tick) \\
-    (printf("release %u\\n", (unsigned)(tick)), esea_link_release(control, tick))
+void __real_esea_link_release(esea_link_control_t *control, uint32_t tick);
+void __wrap_esea_link_release(esea_link_control_t *control, uint32_t tick)
+{{
+    printf("release %u\\n", (unsigned)tick);
+    __real_esea_link_release(control, tick);
+}}
 """
 
 
@@ -225,9 +227,10 @@ def build_application(folder: Path, device: Device) -> Path:
             target = folder / sub / name
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(text, encoding="utf-8")
-    (folder / "spy_link.h").write_text(SPY.format(name=device.name))
+    (folder / "spy.c").write_text(SPY.format(name=device.name))
     sources = [p for p in sorted((folder / "f32").glob("*.c")) if p.name != "main.c"]
     sources += [folder / "firmware" / "app" / name for name in ("blackbox.c", "store.c")]
+    sources += [folder / "spy.c", folder / "dialect" / f"esea_{device.name}_link.c"]
     folders = (
         "dialect/mavlink",
         "dialect",
@@ -238,4 +241,6 @@ def build_application(folder: Path, device: Device) -> Path:
         ".",
     )
     flags = [f"-I{folder / f}" for f in folders]
-    return compiled(folder, APPLICATION, *sources, *flags, '-DESEA_LINK_HEADER="spy_link.h"', "-lm")
+    flags += [f'-DESEA_LINK_HEADER="esea_{device.name}_link.h"']
+    flags += [f"-Wl,--wrap=esea_{own}_release" for own in (device.name, "link")]
+    return compiled(folder, APPLICATION, *sources, *flags, "-lm")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from esea_gen.emit.walker import Kernel, Node
+from esea_gen.emit.walker import Node
 
 INPUTS = ("x", "y", "z", "n")
 
@@ -24,11 +24,6 @@ def built(*trees, nodes=None) -> tuple[list[Node], list[int]]:
         return len(nodes) - 1
 
     return nodes, [put(t) for t in trees]
-
-
-def kernel_of(*trees) -> Kernel:
-    nodes, places = built(*trees)
-    return Kernel("k", tuple(nodes), tuple((p,) for p in places))
 
 
 @st.composite

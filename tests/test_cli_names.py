@@ -6,7 +6,6 @@ import errno
 import subprocess
 import sys
 from importlib import import_module
-from operator import attrgetter
 from pathlib import Path
 
 import click
@@ -129,13 +128,6 @@ def test_a_full_disk_is_one_paragraph(capsys, monkeypatch, tmp_path):
     assert [p.read_text() for p in tmp_path.iterdir()] == ["old"]
 
 
-def test_what_is_slow_is_seen():
-    """Armed: the package's face does load it, when it is asked for."""
-    assert "casadi" in loaded_by("from esea_gen import load_device")
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        attrgetter("nothing")(esea_gen)
-
-
 def completed(line: str) -> list[str]:
     code = "import sys; sys.argv = ['esea-gen']; from esea_gen.cli import main; main()"
     words = line.split(" ")
@@ -156,8 +148,6 @@ def completed(line: str) -> list[str]:
     ("line", "found"),
     [
         ("esea-gen simulate back", ["backdriven"]),
-        ("esea-gen simulate bread --controller sliding", ["sliding_mode"]),
-        ("esea-gen build knee_p", ["knee_printed"]),
         ("esea-gen simulate bread --plant ra", ["random"]),
         ("esea-gen verify elbow_drive --block lim", ["limits"]),
     ],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -60,6 +59,7 @@ def test_a_long_command_names_the_link_before_it_starts(tmp_path, command):
     assert f'esea-gen {command} needs pymavlink, which is not installed. {INSTALL}[link]"' in said
 
 
+@pytest.mark.ci
 def test_what_needs_the_link_names_the_extra(tmp_path):
     require_tool("gcc")
     code, said = without(LINK, "firmware", "elbow", "--board", "host", cwd=tmp_path)
@@ -73,6 +73,7 @@ def test_a_serial_port_without_pyserial_names_the_extra(monkeypatch):
         open_transport("serial:/dev/null")
 
 
+@pytest.mark.ci
 def test_the_host_tool_names_its_extra(tmp_path):
     assert without(("mcap",), "--help", cwd=tmp_path, program="esea_host")[0] == 0
     code, said = without(("mcap",), "show", "a.mcap", cwd=tmp_path, program="esea_host")
@@ -80,18 +81,9 @@ def test_the_host_tool_names_its_extra(tmp_path):
     assert f'needs mcap, which is not installed. {INSTALL}[host]"' in said
 
 
+@pytest.mark.ci
 def test_the_browser_view_names_its_extra(tmp_path):
     words = "serve", "tcp:127.0.0.1:1"
     code, said = without(("tornado",), *words, cwd=tmp_path, program="esea_host")
     assert code == 2
     assert f'needs tornado, which is not installed. {INSTALL}[serve]"' in said
-
-
-def test_every_package_of_an_extra_is_out_of_the_core():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    core = " ".join(project["dependencies"])
-    extras = project["optional-dependencies"]
-    assert {"link", "host", "cluster", "dev"} <= set(extras)
-    for name in ("pymavlink", "pyserial", "mcap", "pandas", "dask", "h5py", "pytest"):
-        assert name not in core
-    assert "esea-gen[link]" in extras["host"]

@@ -51,16 +51,3 @@ def test_numbers_follow_one_another():
         assert [r["id"] for r in hazard["requirement"]] == [
             f"H{k}.{j}" for j in range(1, len(hazard["requirement"]) + 1)
         ]
-
-
-def test_a_name_that_is_gone_is_found(tmp_path):
-    (tmp_path / "a.c").write_text(
-        "static int here(int x);\nstatic int here(int x)\n{\n    return gone(x);\n}\n"
-    )
-    (tmp_path / "a.py").write_text("def here():\n    return gone()\n")
-    for place, there in [("a.c:here", True), ("a.py:here", True), ("a.c:gone", False)]:
-        assert is_there(place, tmp_path) is there
-    assert not is_there("a.py:gone", tmp_path)
-    assert not is_there("b.py:here", tmp_path)
-    (tmp_path / "a.c").write_text("int here(int x);\n")  # declared is not done
-    assert not is_there("a.c:here", tmp_path)

@@ -9,12 +9,7 @@ import pytest
 
 from esea_gen.control.limits.faults import OPTIONAL, Fault
 from esea_gen.device import load_device
-from esea_gen.emit.messages import (
-    fault_codes,
-    mavlink_units,
-    messages,
-    status_words,
-)
+from esea_gen.emit.messages import fault_codes, mavlink_units, messages, status_words
 from esea_gen.emit.roles import board_roles
 
 # MAVLink 2: types and their sizes, largest payload, most fields, range of ids.
@@ -56,19 +51,6 @@ def test_every_message_can_be_sent(system):
             # An enum is a whole number; text is of letters.
             assert not f.enum or f.c_type.startswith("uint")
             assert f.bitmask == (f.enum in {s.enum for s in status_words(system)})
-
-
-def test_what_a_unit_in_a_name_says_the_field_says_too(system):
-    told = {"rad_s": "rad/s", "rad": "rad", "ms": "ms", "us": "us", "bytes": "bytes"}
-    seen = set()
-    for m in messages(system):
-        for f in m.fields:
-            # Of the kept zeros the unit stands in the name alone.
-            end = re.search(r"_(Nms?_rad|rad_s|rad|ms|us|bytes)$", f.name)
-            if end and told.get(end[1], "") in mavlink_units() and f.name != "zero_rad":
-                seen.add(end[1])
-                assert f.units == told[end[1]], f.name
-    assert {"us", "bytes", "rad"} <= seen
 
 
 def test_a_tasks_messages_carry_its_ports_in_order(system):

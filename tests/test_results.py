@@ -90,20 +90,6 @@ def test_the_schema_command_prints_them(tmp_path):
     assert json.loads(CliRunner().invoke(app, ["schema"]).output)["title"] != "tune"
 
 
-def test_a_schema_is_drawn_up_of_what_was_seen():
-    """Names as keys are a map; what was null may be; an integer among numbers is one."""
-    rows = [{"a": 1, "n": None}, {"a": 2.5, "n": "x"}, {"a": 0, "n": None}]
-    schema = drawn.drawn_up([{"rows": rows, "by": {"k": 1, "l": 2}}])
-    row = schema["properties"]["rows"]["items"]
-    assert row["required"] == ["a", "n"]
-    assert row["properties"]["a"]["type"] == ["number", "null"]
-    assert schema["properties"]["by"]["additionalProperties"]["type"] == ["integer", "null"]
-    check = jsonschema.Draft202012Validator(schema)
-    check.validate({"rows": [{"a": 3, "n": None}], "by": {"other": 3}})
-    assert not check.is_valid({"rows": [{"a": "3", "n": None}]})
-    assert not check.is_valid({"rows": [{"n": None}]})
-
-
 def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
     for words, resumable, wanted in (
         (

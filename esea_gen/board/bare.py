@@ -22,6 +22,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.compiler import compile_sources, find_compiler, run_tool, write_texts
 from esea_gen.hostlib.library import HostLibrary, compile_device, run_schedule
 from esea_gen.language.system import Task
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.targets import (
     ARM_GCC,
     BARE_LINK,
@@ -143,6 +144,7 @@ def run_bare(
         "ticks": ticks,
         "rows": {t.name: _rows(library, t, inputs[t.name], fmt) for t in system.tasks},
         "words": words,
+        "zeros": zeros_missing(system),
         "stack_top": chosen.ram + chosen.ram_bytes,
         "has_fpu": chosen.processor.fpu,
         "board": chosen.machine,
@@ -191,7 +193,7 @@ def _expected(
     library: HostLibrary, inputs: Mapping[str, Mapping[str, Array]], ticks: int
 ) -> tuple[list[dict[str, Any]], Array]:
     # Every output word of the host's board at every tick; a task's outputs are held in between.
-    found = run_schedule(library.board(), inputs)
+    found = run_schedule(library.board(zeros_missing(library.system)), inputs)
     words: list[dict[str, Any]] = []
     columns = [np.zeros((ticks, 0), np.uint32)]
     for task in library.system.tasks:

@@ -26,6 +26,7 @@ from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.system import Task
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Process, ProcessTransport, Transport
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.portability import listening_for_qemu
 from esea_gen.targets import Board, find_board
 
@@ -242,8 +243,9 @@ def _host_outputs(
 ) -> dict[str, dict[str, Array]]:
     # In single precision, as the link carries numbers.
     library = compile_device(device, real)
-    if device.system.latches or len(inputs) > 1:
-        found = run_schedule(library.board(), inputs)
+    zeros = zeros_missing(device.system)  # as the firmware sets them for a replay
+    if device.system.latches or zeros or len(inputs) > 1:
+        found = run_schedule(library.board(zeros), inputs)
     else:  # the same, with the loop in C
         found = {t: library.task(t).run(columns, trace=False)[0] for t, columns in inputs.items()}
     return {

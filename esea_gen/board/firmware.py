@@ -129,7 +129,7 @@ def build_firmware(
         write_texts(folder, texts)
         sources = sorted(n for n in files if n.endswith(".c") and n != "main.c")
         objects = _compile_control(folder, chosen, cc, [f"{real}/{n}" for n in sources])
-        objects += _compile_app(folder, chosen, cc, _defined(device, chosen, needs_Hz))
+        objects += _compile_app(folder, chosen, cc, _defined(device, chosen, needs_Hz), prefix)
         script = f"{chosen.folder}/link.ld"
         bare = (folder / script).is_file()
         link = [*chosen.link, *(["-T", script] if bare else [])]
@@ -253,9 +253,9 @@ def _defined(device: Device, board: Board, needs_Hz: float | None) -> list[str]:
 
 
 def _compile_app(
-    folder: Path, board: Board, cc: tuple[str, ...], defined: Sequence[str]
+    folder: Path, board: Board, cc: tuple[str, ...], defined: Sequence[str], prefix: str
 ) -> list[Path]:
-    # Objects of the hand-written code.
+    # Objects of the hand-written code and of what binds it to the device.
     includes = ["-isystem", "dialect/mavlink", "-Idialect", f"-I{board.real}", "-Iport"]
     includes += ["-Iapp", "-Idrivers"]
     bare = (folder / board.folder / "link.ld").is_file()
@@ -264,5 +264,5 @@ def _compile_app(
     flags += [*defined, named, *(["-fcallgraph-info=su"] if bare else [])]
     parts = ("app", "drivers", board.folder, *(["port"] if bare else []))
     sources = (p for part in parts for p in sorted((folder / part).glob("*.c")))
-    names = [p.relative_to(folder).as_posix() for p in sources]
+    names = [p.relative_to(folder).as_posix() for p in sources] + [f"dialect/{prefix}_link.c"]
     return compile_objects(folder, cc, flags, names)

@@ -1,4 +1,7 @@
-"""Temperature of the motor's winding and case, by its copper loss; what torque they leave."""
+"""Temperature of the motor's winding and case, by its copper loss; what torque they leave.
+
+A drive that measures it may only raise the winding's temperature: its sensor lags or is away.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 STEP_S = 0.1  # in steps of a control period float32 would lose what the case gains
+MEASURED_C = 1000.0  # a sensor's wire that is cut or shorted may read anything
 BEYOND_K = 20.0  # above the largest temperature: as far as it is followed
 
 EQUATIONS = """
@@ -78,7 +82,11 @@ class _MotorTemperature:
             Port("square_Nm2", 0.0, self.square, "mean square of the torque so far"),
             Port("ticks", 0, self.ticks, "periods of the present step"),
         )
-        self.inputs = (around("u_Nm", self.u_max, "motor torque", on_invalid=self.u_max),)
+        told = "temperature that the drive measures in the winding; 0 where it measures none"
+        self.inputs = (
+            around("u_Nm", self.u_max, "motor torque", on_invalid=self.u_max),
+            Port("motor_C", -MEASURED_C, MEASURED_C, told, on_invalid=0.0),
+        )
         largest = "the motor's largest torque"
         self.outputs = (
             Port("u_thermal_Nm", 0.0, self.u_max, "motor torque that the temperature leaves"),
@@ -87,7 +95,8 @@ class _MotorTemperature:
             Port("capacity", 0.0, 1.0, f"share of {largest} that the temperature leaves"),
             status_port(
                 "what is known of the temperature",
-                "the torque was NaN or outside its range; the largest one is reckoned with",
+                "torque or measured temperature was NaN or outside its range; the largest torque, "
+                "the model's temperature",
                 "the state was corrupt; both nodes are as hot as they may be",
                 Flag("DERATED", f"less than {largest}", False, ("winding_C",), self.derate),
                 Flag("HOT", "no torque is left: the limits latch", False, ("winding_C",), self.max),
@@ -108,7 +117,8 @@ class _MotorTemperature:
         warmed = self.of_case * case + self.gain_K_W * loss + (1 - self.of_case) * winding
         shared = self.of_winding * winding + self.of_ambient * self.ambient
         shared = shared + (1 - self.of_winding - self.of_ambient) * case
-        winding = ca.if_else(ends, ca.fmin(warmed, self.max + BEYOND_K), winding)
+        winding = ca.fmax(ca.if_else(ends, warmed, winding), u.motor_C)
+        winding = ca.fmin(winding, self.max + BEYOND_K)
         winding = label("winding", winding, "[hot 2]")
         case = label("case", ca.if_else(ends, shared, case), "[hot 3]")
         hot = label("hot", winding > self.max)
@@ -131,7 +141,8 @@ class _MotorTemperature:
 
 def _work(block: Block, _rng: np.random.Generator) -> list[Stream]:
     # Full torque, rest, half torque backward, from the start and from cold, warm and hot nodes.
-    (u,), (winding, case, square, _), steps = block.inputs, block.state[:4], 4000
+    # In the second half a drive measures: more than the model, less, and beyond all bounds.
+    (u, _), (winding, case, square, _), steps = block.inputs, block.state[:4], 4000
     torque = u.high * np.repeat([1.0, 0.0, -0.5, 1.0], steps // 4)
     share = [(0.0, 0.0), (0.7, 0.5), (0.85, 0.9), (0.999, 0.5), (0.8, 0.8), (1.0, 1.0), (0.9, 0.8)]
     at = {
@@ -141,4 +152,5 @@ def _work(block: Block, _rng: np.random.Generator) -> list[Stream]:
         }
         for k, (w, c) in enumerate(share, 1)
     }
-    return [Stream("work and rest", {"u_Nm": torque}, at)]
+    measured = np.repeat([0.0, 0.0, 0.0, 0.0, winding.high - 30, 25.0, -5.0, 999.0], steps // 8)
+    return [Stream("work and rest", {"u_Nm": torque, "motor_C": measured}, at)]

@@ -137,6 +137,7 @@ EXTRAS = {
     ),
     "motor_temperature": _Extra(
         {"u_thermal_Nm": "motor_temperature.u_thermal_Nm"},
+        inputs={"motor_C": ("motor_temperature.motor_C",)},
         outputs={n: f"motor_temperature.{n}" for n in ("winding_C", "case_C", "capacity")},
     ),
     # Wall and resistance are added to what is wanted.

@@ -1,9 +1,9 @@
 """The MAVLink dialect of a device: message definition, C headers and Python module.
 
 The definition is rendered from the System's ports; mavgen, MAVLink's own generator, makes the C
-headers and the Python module from it.  A binding header joins the messages to the device's C under
-names that are the same for every device.  mavgen's ``version.h``, which carries a build date, and
-its test suite are not taken; ``version.h`` is rendered here, whole and without a date.
+headers and the Python module from it.  A C file with its header joins the messages to the device's
+C under names that are the same for every device.  mavgen's ``version.h``, which carries a build
+date, and its test suite are not taken; ``version.h`` is rendered here, whole and without a date.
 """
 
 from __future__ import annotations
@@ -101,7 +101,10 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
     return {
         f"{prefix}.xml": xml,
         f"{prefix}_parameters.json": parameter_metadata(system),
-        f"{prefix}_link.h": renderer.render("dialect/esea_link.h.j2", **context),
+        **{
+            f"{prefix}_link.{x}": renderer.render(f"dialect/esea_link.{x}.j2", **context)
+            for x in "ch"
+        },
         f"mavlink/{prefix}/version.h": renderer.render("dialect/version.h.j2", **context),
         **run_mavgen(prefix, xml),
     }

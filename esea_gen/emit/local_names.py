@@ -43,13 +43,13 @@ def meanings(
     block: Block,
     function: str,
     kernel: Kernel,
-    labels: Mapping[int, tuple[str, str]],
     base: Callable[[str], str] = str,
 ) -> dict[int, str]:
     """Names of values that no label names but a port does.
 
-    A state as its guard lets it through is ``<state>_used``, a condition has its flag's name, and
-    what a function writes is named by where it goes; a new state is ``<state>_next``.
+    Whether a state is in its range is ``<state>_ok``, a state that a condition selects is
+    ``<state>_used``.  A condition has its flag's name, and what a function writes is named by where
+    it goes; a new state is ``<state>_next``.
     """
     if function == "prepare":
         return _results(kernel, 0, block.coefficients, base, "")
@@ -57,7 +57,7 @@ def meanings(
         return _results(kernel, 0, block.state, base, "")
     after = _results(kernel, 0, block.state, base, "_next")
     out = _results(kernel, len(block.state), block.outputs, base, "_out")
-    return after | out | _flags(block, kernel) | _guarded(block, kernel, labels, base)
+    return after | out | _flags(block, kernel) | _states(block, kernel, base)
 
 
 def _element(name: str, ending: str, size: int, element: int) -> str:
@@ -87,32 +87,28 @@ def _flags(block: Block, kernel: Kernel) -> dict[int, str]:
     return found
 
 
-def _guarded(
-    block: Block,
-    kernel: Kernel,
-    labels: Mapping[int, tuple[str, str]],
-    base: Callable[[str], str],
-) -> dict[int, str]:
-    guards = {i for i, (name, _) in labels.items() if name == "state_ok"}
-    guards |= {
-        i for i, n in enumerate(kernel.nodes) if n.op == "and" and guards.intersection(n.args)
-    }
+def _states(block: Block, kernel: Kernel, base: Callable[[str], str]) -> dict[int, str]:
     first = len(block.coefficients)
     found: dict[int, str] = {}
 
-    def state(i: int) -> str:
+    def state(i: int, ending: str) -> str:
         n = kernel.nodes[i]
         argument = n.source[0] - first
         if n.op != "input" or not 0 <= argument < len(block.state):
             return ""
         p = block.state[argument]
-        return _element(base(p.name), "_used", p.size, n.source[1])
+        return _element(base(p.name), ending, p.size, n.source[1])
 
     for i, n in enumerate(kernel.nodes):
-        if n.op in ("select", "if_else_zero") and n.args[0] in guards:
-            name = state(n.args[1])
+        if n.op in ("select", "if_else_zero"):
+            name = state(n.args[1], "_used")
             if name:
                 found[i] = name
+        elif n.op == "and" and all(kernel.nodes[a].op == "le" for a in n.args):
+            ends = [a for side in n.args for a in kernel.nodes[side].args]
+            names = {name for a in ends if (name := state(a, "_ok"))}
+            if len(names) == 1:
+                found[i] = names.pop()
         elif n.op == "add":  # (ok ? state : 0) + (!ok ? start : 0)
             arms = [a for a in n.args if a in found and kernel.nodes[a].op == "if_else_zero"]
             other = [a for a in n.args if a not in arms]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from dataclasses import dataclass
 
@@ -55,24 +54,4 @@ class EmittedBlock:
     prepare: PrintedKernel | None
     init: PrintedKernel
     step: PrintedKernel
-    stores: tuple[tuple[str, ...], ...]  # per statement of the step, the state that it completes
     template: str = "device/esea_block.c.j2"
-
-
-def early_stores(block: Block, step: PrintedKernel) -> tuple[tuple[str, ...], ...]:
-    """Where in a step each state can be stored: as soon as the old one is read and the new known.
-
-    Stored at the end, every new state would stay alive until there; with ten stop operators and
-    sixteen registers that costs a tenth of the step.
-    """
-    count = len(step.statements)
-    defined = {s.name: i for i, s in enumerate(step.statements)}
-    read = {s.expression: i for i, s in enumerate(step.statements)}
-    after: list[list[str]] = [[] for _ in range(count)]
-    for p, atoms in zip(block.state, step.results, strict=False):
-        for i, atom in enumerate(atoms):
-            place = f"state->{p.name}" + ("" if p.size == 1 else f"[{i}]")
-            waits = [defined[w] for w in re.findall(r"[A-Za-z_]\w*", atom) if w in defined]
-            waits.append(read.get(place, 0))
-            after[max(waits)].append(f"{place} = {bare(atom)};")
-    return tuple(map(tuple, after))

@@ -63,7 +63,7 @@ def environment() -> jinja2.Environment:
 
 
 # A counter of the steps in which a flag was set.
-COUNTER = "{n} += (((out->{port} & {bit}) != 0u) && ({n} != UINT32_MAX)) ? 1u : 0u;"
+COUNTER = "esea_count_flag(&{n}, out->{port} & {bit});"
 
 
 def block_kernels(block: Block) -> dict[str, Kernel]:
@@ -161,6 +161,7 @@ class Renderer:
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
+            "tunable": lambda i, n: next(t for t in system.blocks[i].tunables if t.name == n),
             "port_text": self.port_text,
             "feed": self.feed,
             "counter": self.counter,
@@ -242,7 +243,6 @@ class Renderer:
             example=made,
             tolerances=[tolerance(self.system, x, self.fmt.example_share) for x in made.checked],
             given=self.given,
-            tunable=lambda i, n: next(t for t in self.system.blocks[i].tunables if t.name == n),
             task_of=lambda x: self.system.task_of(x.signals[0].instance).name,
             tasks_of=lambda x: dict.fromkeys(
                 self.system.task_of(s.instance).name for s in x.signals

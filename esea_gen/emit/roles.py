@@ -86,7 +86,7 @@ def board_roles(system: System) -> BoardRoles:
     measured = [
         x
         for x in inputs.values()
-        if (x.name.startswith(("count_", "frame_error_")) if drive else x.name != "stop")
+        if (x.name.startswith(("count_", "frame_error_", "motor_")) if drive else x.name != "stop")
     ]
     return BoardRoles(
         tuple(_axis(system, t) for t in every_tick(system)) if drive else (),

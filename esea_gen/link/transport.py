@@ -29,6 +29,11 @@ class LinkError(RuntimeError):
         self.what, self.fix, self.said = what, fix, said
 
 
+def _why(error: Exception) -> str:
+    # In words, without the number of the error.
+    return str(getattr(error, "strerror", None) or error)
+
+
 class Transport(ABC):
     """Carries bytes both ways; every method raises :class:`LinkError` when the link is broken."""
 
@@ -60,9 +65,7 @@ class SocketTransport(Transport):
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise LinkError(
-                f"the link broke ({error.strerror or error})", said=self.said()
-            ) from None
+            raise LinkError(f"the link broke ({_why(error)})", said=self.said()) from None
         if not data:
             raise LinkError("the other end has closed the link", said=self.said())
         return data
@@ -72,7 +75,7 @@ class SocketTransport(Transport):
             self.link.settimeout(timeout_s)  # closed meanwhile: an error as well
             self.link.sendall(data)
         except OSError as error:
-            what = f"the board does not take data ({error})"
+            what = f"the board does not take data ({_why(error)})"
             raise LinkError(what, said=self.said()) from None
 
     def close(self) -> None:
@@ -84,7 +87,7 @@ class TcpTransport(SocketTransport):
         try:
             link = socket.create_connection((host, port), timeout_s)
         except OSError as error:
-            what = f"nothing answers at {host}:{port} ({error})"
+            what = f"nothing answers at {host}:{port} ({_why(error)})"
             raise LinkError(what, "Check that the board, or its simulation, listens.") from None
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         super().__init__(link)
@@ -108,7 +111,7 @@ class SerialTransport(Transport):
         except (OSError, ValueError) as error:  # pyserial's own is an OSError
             if getattr(error, "errno", 0) == errno.EWOULDBLOCK:
                 raise _taken(port) from None
-            what = f"{port} cannot be opened ({error})"
+            what = f"{port} cannot be opened ({_why(error)})"
             raise LinkError(
                 what, "Check the name, your rights to it, and who else has it."
             ) from None
@@ -119,14 +122,14 @@ class SerialTransport(Transport):
             first = self._port.read(1)
             return bytes(first + self._port.read(self._port.in_waiting)) if first else b""
         except (OSError, TypeError) as error:
-            raise LinkError(f"the serial link broke ({error})") from None
+            raise LinkError(f"the serial link broke ({_why(error)})") from None
 
     def write(self, data: bytes, timeout_s: float) -> None:
         try:
             self._port.write_timeout = timeout_s
             self._port.write(data)
         except OSError as error:
-            raise LinkError(f"the board does not take data ({error})") from None
+            raise LinkError(f"the board does not take data ({_why(error)})") from None
 
     def close(self) -> None:
         self._port.close()
@@ -154,7 +157,7 @@ class PtyTransport(Transport):
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:  # ValueError: closed by another thread
-            raise LinkError(f"the link broke ({error})") from None
+            raise LinkError(f"the link broke ({_why(error)})") from None
         if not data:
             raise LinkError("the other end has closed the link")
         return data
@@ -171,7 +174,7 @@ class PtyTransport(Transport):
             except BlockingIOError:
                 continue
             except (OSError, ValueError) as error:
-                raise LinkError(f"the link broke ({error})") from None
+                raise LinkError(f"the link broke ({_why(error)})") from None
 
     def close(self) -> None:
         if self._handle >= 0:

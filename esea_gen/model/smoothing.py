@@ -13,7 +13,7 @@ from esea_gen.language.ports import Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equations
 
 # How fast what the rate predicts is corrected by the counts.  From 2 to 15 Hz the torque's error
-# changes by a fifth (docs/sensor.md): lower is better for sweeps, higher for reaches.
+# changes by a fifth: lower is better for sweeps, higher for reaches.
 CORNER_HZ = 8.0
 
 

@@ -40,7 +40,15 @@ PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "rando
 ARM_S, ON_S = 0.03, 0.06
 ARM_PERIODS, ON_PERIODS = 2.5, 3.0
 # What is 0 all along; of an axis that a case does not move, what is wanted too.
-ZERO = ("stop", "frame_error_motor", "frame_error_load", "frame_error_gear", "law", "constrained")
+ZERO = (
+    "stop",
+    "frame_error_motor",
+    "frame_error_load",
+    "frame_error_gear",
+    "law",
+    "constrained",
+    "motor_C",
+)
 WANTED = ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
 # The thesis weighs the impedance experiment otherwise than the torque experiments.
 PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}

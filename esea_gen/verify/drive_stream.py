@@ -13,6 +13,7 @@ from esea_gen.device import Device
 from esea_gen.language.ports import Array
 from esea_gen.language.system import External, System
 from esea_gen.model.drive import NominalDrive
+from esea_gen.model.sensing import zeros_missing
 
 # From here on the drive stands where it was, and the joint is put where the deflection wants it.
 LET_GO_S = 5.2
@@ -36,7 +37,7 @@ def play(
     system: System, stream: Mapping[str, Array], before: Callable[[int], None] = lambda k: None
 ) -> Iterator[TaskRun]:
     """Run a symbolic System over a stream; ``before`` a tick what it measures may be put there."""
-    simulator = system.simulator()
+    simulator = system.simulator(zeros_missing(system))
     inputs = {t.name: system.task_inputs(t) for t in system.tasks}
     for k in range(len(next(iter(stream.values())))):
         before(k)

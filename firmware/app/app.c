@@ -157,6 +157,7 @@ static bool start_control(esea_app_t *app)
 
 bool esea_app_ask(esea_app_t *app, ESEA_EVENT event)
 {
+    static const float no_offset[ESEA_LINK_ENCODERS + 1u];
     ESEA_STATE from;
     bool taken;
 
@@ -175,7 +176,9 @@ bool esea_app_ask(esea_app_t *app, ESEA_EVENT event)
         (void)start_control(app);
         if (app->state == ESEA_STATE_ZEROING)
             esea_link_measure_zero(&app->control);
-        else if (app->state != ESEA_STATE_REPLAY)
+        else if (app->state == ESEA_STATE_REPLAY)
+            (void)esea_link_put_zeros(&app->control, no_offset); /* unzeroed encoders would answer invalid */
+        else
             app->referenced = esea_kept_zeros(app);
         app->clock.runs = app->state != ESEA_STATE_REPLAY;
     }

@@ -53,21 +53,19 @@ static esea_block_t *open_block(esea_stream_t *stream, uint32_t tick, uint64_t t
 
 void esea_streams_take(esea_app_t *app, uint32_t task, uint32_t tick, uint64_t time, uint32_t step_ticks)
 {
-    uint32_t number, i;
+    uint32_t number;
 
     for (number = 0u; number < ESEA_LINK_STREAMS; ++number) {
         esea_stream_t *const stream = &app->streams[number];
         esea_block_t *block;
-        uint32_t *words;
 
         if (stream->interval == 0u || stream->task != task || (tick - esea_link_phase(task)) % stream->interval != 0u)
             continue;
         block = open_block(stream, tick, time);
         if (block == NULL)
             continue;
-        words = &block->words[stream->count * stream->width];
-        for (i = 0u; i < stream->width; ++i)
-            words[i] = esea_link_signal(task, stream->signals[i], &app->in[task], &app->out[task], step_ticks);
+        esea_link_sample(task, stream->signals, stream->width, &app->in[task], &app->out[task], step_ticks,
+                &block->words[stream->count * stream->width]);
         if (++stream->count >= stream->samples)
             close_block(stream);
     }

@@ -7,6 +7,7 @@
 #include "__fc_builtin.h"
 
 #include "link.c"
+#include ESEA_BINDING
 
 #define ANY(x) Frama_C_make_unknown((char *)&(x), sizeof(x))
 #define EITHER() (Frama_C_interval(0, 1) != 0)

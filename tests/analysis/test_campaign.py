@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
-import re
 import subprocess
 import sys
 import time
@@ -15,12 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from esea_gen.analysis import journal
 from esea_gen.analysis.campaign import Workers, run_cases, seeded
 from esea_gen.analysis.journal import Configuration, Journal, file_digest
-from esea_gen.cli import output
 from esea_gen.errors import UserError
 from tests.campaign_cases import draw, noted
 from tests.conftest import ROOT, until
@@ -69,6 +65,7 @@ def judge_deadly(result, deadly):
             assert r.values == {"x": float(np.random.default_rng(r.case["seed"]).normal())}
 
 
+@pytest.mark.ci
 def test_a_case_that_kills_its_worker_is_the_only_one_that_failed(tmp_path):
     seen, cases = [], deadly_cases(tmp_path / "begun", 1)
     result = run_cases(
@@ -244,24 +241,6 @@ def alone(journal: Path) -> bool:
 
 def test_kill_9_loses_only_what_is_running(tmp_path):
     killed_and_resumed(tmp_path, jobs=2)
-
-
-def test_time_left(monkeypatch):
-    text = io.StringIO()
-    terminal = Console(file=text, force_terminal=True, width=100)
-    monkeypatch.setattr(output, "_terminal", lambda: terminal)
-    with output.counted("runs") as tell:
-        tell(100, 1000, 0)  # of a journal: no rate follows from them
-        for n in range(1, 6):
-            time.sleep(0.1)
-            tell(100 + n, 1000, 1)
-        time.sleep(0.6)  # it is drawn twice a second
-    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text.getvalue())
-    assert "100/1000 -:--:-- left" in drawn
-    assert "runs, 1 failed" in drawn
-    # 895 left at 10 a second; the machine may be slower.
-    hours, minutes, seconds = map(int, re.findall(r"(\d):(\d\d):(\d\d) left", drawn)[-1])
-    assert 85 <= hours * 3600 + minutes * 60 + seconds <= 200
 
 
 # -- seeds and keys ---------------------------------------------------------------------

@@ -15,11 +15,7 @@ from scipy import signal
 from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
 from esea_gen.analysis.response import resample
 from esea_gen.analysis.step import step_metrics
-from esea_gen.analysis.sweeps import (
-    Sweep,
-    sweep_response,
-    welch_response,
-)
+from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError
 from esea_gen.files import plain
 from esea_gen.reproduce.spring_rig import author_bandwidth, check_on_data
@@ -31,9 +27,7 @@ def second_order(t, wn, zeta):
     """Step response of wn^2 / (s^2 + 2 zeta wn s + wn^2), zeta below 1, any sign."""
     wd = wn * math.sqrt(1 - zeta**2)
     return np.where(
-        t < 0,
-        0.0,
-        1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t)),
+        t < 0, 0.0, 1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t))
     )
 
 

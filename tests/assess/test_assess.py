@@ -25,11 +25,7 @@ from esea_host.assess.hypotheses import (
     mixtures,
     summarised,
 )
-from esea_host.assess.judge import (
-    calibration_error,
-    confusion,
-    share_interval,
-)
+from esea_host.assess.judge import calibration_error, confusion, share_interval
 from esea_host.assess.probing import (
     Comfort,
     contextual_information,
@@ -317,25 +313,6 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
     for name in ("d.npz", "e.npz", "f.npz"):
         with pytest.raises(UserError, match="no data base"):
             ResponseDataBase.load(tmp_path / name)
-
-
-def test_mean_spread_and_where_nobody_has_been(data):
-    holes = data.responses.copy()
-    holes[:, 5] = np.nan
-    holes[data.category == 1, 6] = np.nan
-    d = dataclasses.replace(data, responses=holes)
-    rows = d.rows("S2")
-    assert d.mean("S2")[0] == pytest.approx(sum(rows[:, 0]) / len(rows))
-    assert d.spread("S2")[0] == pytest.approx(np.std(rows[:, 0]) * math.sqrt(40 / 39))
-    assert np.isnan(d.mean("S2")[5])
-    assert d.people("S2")[[5, 6]].tolist() == [0, 0]
-    assert d.common.sum() == GRID.cells - 2
-    session = Assessment(d)
-    value = session.hypotheses.known
-    assert not value[5]
-    assert not value[6]
-    with pytest.raises(UserError, match="no category"):
-        d.rows("S9")
 
 
 def test_kernel_map_is_the_textbook_process_and_unsure_where_nobody_has_been(data):

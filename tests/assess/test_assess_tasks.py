@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 
-import numpy as np
 import pytest
 
 from esea_host.assess.patients import DEG
-from esea_host.assess.tasks import (
-    PAUSE_S,
-    SHOWN,
-    TRIES,
-    PendulumTask,
-    ProbeTask,
-    RangeTask,
-    assessment_of,
-)
+from esea_host.assess.tasks import PAUSE_S, SHOWN, TRIES, ProbeTask, assessment_of
 from esea_host.cli.options import know_shipped_tasks
 from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import load_protocol, parse_protocol
@@ -173,41 +163,6 @@ def test_a_missed_location_is_asked_again_and_then_left(base):
     row = {**outcome.row, "task": "knee-probe"}
     state = ProbeTask().begin(Situation(situation(base).parameters, "", (row,), 1))
     assert state.movement.location != m.location
-
-
-def played(task, state, rows):
-    for t, angle, torque in rows:
-        step = task.step(state, t, {"angle_rad": angle, "torque_Nm": torque})
-        state = step.state
-        if step.outcome is not None:
-            return step.outcome
-    raise AssertionError("never ended")
-
-
-def test_the_pendulum_task_gives_the_closed_form_and_refuses_a_leg_that_does_not_fall():
-    task = PendulumTask()
-    begin = task.begin(Situation(PendulumTask.Parameters(seconds=14.0), "", (), 1))
-    t = np.arange(0, 14.05, 0.01)
-    angle = 65 * DEG * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
-    row = task.checked_row(played(task, begin, zip(t, angle, 0 * t, strict=True)).row)
-    assert row["relaxation_index"] == pytest.approx(1 + math.exp(-0.4 * math.pi / 5.8), abs=0.02)
-    still = played(task, begin, zip(t, 0 * t, 0 * t, strict=True))
-    assert still.row is None
-    assert "straight knee" in still.reason
-
-
-def test_the_range_task_takes_the_loop_and_tells_when_there_is_none():
-    task = RangeTask()
-    given = RangeTask.Parameters(seconds=20.0, mass_kg=70.0)
-    begin = task.begin(Situation(given, "", (), 1))
-    t = np.arange(0, 20.05, 0.02)
-    angle = 1.0 - 0.5 * np.cos(0.8 * t)
-    torque = 2.0 * np.sign(np.sin(0.8 * t)) - 4.27 * 9.81 * 0.606 * 0.4182 * np.cos(angle)
-    row = task.checked_row(played(task, begin, zip(t, angle, torque, strict=True)).row)
-    assert row["loop_J"] == pytest.approx(4 * 2.0 * 0.5, rel=0.03)  # a parallelogram
-    assert row["cycles"] == 2
-    none = played(task, begin, zip(t, 0 * t + 1, 0 * t, strict=True))
-    assert "at least 5 deg" in none.reason
 
 
 def test_the_shipped_protocol_is_whole():

@@ -166,9 +166,7 @@ def _timed(
 
 
 def compare_searches(
-    budget_s: float,
-    seed: int,
-    say: Callable[[str], None],
+    budget_s: float, seed: int, say: Callable[[str], None]
 ) -> tuple[SearchRow, SearchRow, float]:
     """Ours and differential evolution, each until it is done or its budget is spent.
 

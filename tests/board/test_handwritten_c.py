@@ -134,7 +134,7 @@ def link_fuzzer(tmp_path_factory):
     )
     made = LinkFuzzer(folder, flags, {})
     own = FIRMWARE / "boards" / "sim" / "drivers.c", ROOT / "tests" / "fuzz" / "drive.c"
-    for source in (*FIRMWARE.glob("app/*.c"), *own):
+    for source in (*FIRMWARE.glob("app/*.c"), folder / "esea_elbow_drive_link.c", *own):
         made.objects[source.name] = made.compiled(source, *SANITIZERS)
     for source in f32.glob("*.c"):
         if source.name != "main.c":  # generated: held by tests of its own
@@ -172,7 +172,8 @@ def test_nothing_over_the_link_moves_the_motor_past_its_limits(link_fuzzer):
 def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
     parser = ROOT / "tests" / "fuzz" / "parser.c"
     target = link_fuzzer.folder / "fuzz_parser"
-    sources = (parser, FIRMWARE / "app" / "reader.c")
+    device = (o for n, o in link_fuzzer.objects.items() if n.startswith("esea_"))
+    sources = (parser, FIRMWARE / "app" / "reader.c", *device, "-lm")
     assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, *sources), 20000, 64)
     # Armed: signatures are not looked at.
     blind = fuzzer(target, *link_fuzzer.flags, "-DBLIND", *sources)

@@ -7,10 +7,8 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from typer.testing import CliRunner
 
 from esea_gen import targets
-from esea_gen.cli import app
 from esea_gen.errors import UserError
 from tests.conftest import ROOT
 
@@ -38,12 +36,6 @@ def test_a_board_is_one_entry_and_its_folder(tmp_path, monkeypatch):
         targets.find_board("arduino")
 
 
-def test_the_help_names_every_board_with_firmware():
-    said = CliRunner().invoke(app, ["firmware", "--help"], env={"COLUMNS": "300"}).output
-    for name in targets.firmware_boards():
-        assert name in said
-
-
 def test_the_set_up_installs_every_compiler_from_its_package():
     setup = (ROOT / ".ci" / "setup").read_text()
     for processor in targets.PROCESSORS.values():
@@ -51,13 +43,3 @@ def test_the_set_up_installs_every_compiler_from_its_package():
         if processor.toolchain.zig:
             continue  # pip's stands in
         assert re.search(rf'need {command} "{package}', setup), processor.name
-
-
-def test_no_flag_of_a_processor_stands_outside_the_table():
-    pattern = re.compile(r"-m(cpu|arch|fpu|float-abi|tune|thumb)\b")
-    found = [
-        str(p.relative_to(ROOT))
-        for p in (ROOT / "esea_gen").rglob("*.py")
-        if pattern.search(p.read_text(encoding="utf-8"))
-    ]
-    assert found == ["esea_gen/targets.py"]

@@ -261,8 +261,8 @@ def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
         main()
     said = capsys.readouterr().out
     assert not ended.value.code, said
-    assert "Zero: PASSED" in said
-    assert "Motor sign: PASSED" in said
+    assert "Zero (simulated): PASSED" in said
+    assert "Motor sign (simulated): PASSED" in said
     assert "not done" in said
     assert (tmp_path / "r" / "002-sign.png").is_file()
     monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero"])

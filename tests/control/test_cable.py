@@ -14,8 +14,6 @@ from esea_gen.control.predictive.drive import drive_model, predictive_controller
 from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.language.system import System
-from esea_gen.language.wires import Task
 from esea_gen.observe.cable import cable_observer
 from esea_gen.observe.disturbance import drive_observer_by_gear
 from esea_gen.studies.tracking import TuningCase
@@ -68,8 +66,7 @@ def cable(k: float, gap: float, zero: float, seconds: float = 7.0, torque=1.7):
 
 
 @pytest.mark.parametrize(
-    ("k", "gap", "zero"),
-    [(150, 0.01, 0.0), (100, 0.02, 0.3), (300, 0.004, -1.2), (1e5, 0.0, 1.0)],
+    ("k", "gap", "zero"), [(150, 0.01, 0.0), (100, 0.02, 0.3), (300, 0.004, -1.2), (1e5, 0.0, 1.0)]
 )
 def test_gap_stiffness_and_winding_are_learnt_whatever_the_zero(drive, k, gap, zero):
     given, wound = cable(k, gap, zero)
@@ -260,12 +257,6 @@ def test_what_does_not_go_together_is_refused():
     elbow = text[: text.index("\n[redundancy]")]
     with pytest.raises(UserError, match=r"section \[redundancy\] is missing"):
         parse_device(elbow + text[text.index("\n[cable]") :], "mine.toml")
-
-
-def alone(block) -> System:
-    ins = {p.name: (f"one.{p.name}",) for p in block.inputs}
-    outs = {p.name: f"one.{p.name}" for p in block.outputs}
-    return System("alone", block.period_s, {"one": block}, (Task("run", ("one",)),), {}, ins, outs)
 
 
 @pytest.mark.ci

@@ -16,7 +16,6 @@ from esea_gen.control.law import Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.system import control_system
 from esea_gen.device import load_device, parse_device
-from esea_gen.devices.file import shipped_controllers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.model.drive import NominalDrive
@@ -35,16 +34,6 @@ CHANGE_S = (3.4, 5.0)
 
 
 # -- the table -------------------------------------------------------------------------------------
-
-
-def test_a_shipped_controller_is_a_configuration_of_any_drive():
-    assert {"smc", "mpc", "smc-published"} <= set(shipped_controllers())
-    device = load_device("elbow_drive", "mpc-no-preview")
-    assert [law.name for law in device.laws] == ["predictive"]
-    assert device.name == "elbow_drive"  # the device's numbers, under another law
-    same = load_device("elbow_mpc")
-    assert device.file.predictive == same.file.predictive
-    assert list(device.system.blocks) == list(same.system.blocks)
 
 
 def test_a_devices_own_number_stands_over_its_controllers():
@@ -75,18 +64,6 @@ def test_predictive_control_needs_no_sliding_mode():
     moved = parse_device(text + sections[sections.index("[predictive]") :], "mine.toml")
     assert [law.name for law in moved.laws] == ["predictive"]
     assert "predictive" in moved.system.blocks
-
-
-def test_a_program_takes_its_own_stated_bound():
-    program = load_device("elbow_mpc").system.blocks["predictive"]
-    bound = next(t for t in program.tunables if t.name == "R")
-    assert bound.low > 1e-4  # snapped inwards to float32
-    simulator = program.simulator({"R": 1e-4, "Q": 0.01})
-    assert simulator.coefficients["root_r"] == pytest.approx(math.sqrt(1e-4) / 0.03488, rel=1e-6)
-    with pytest.raises(ValueError, match=r"R = 9e-05 is outside"):
-        program.simulator({"R": 9e-5})
-    with pytest.raises(ValueError, match=r"program predictive has no tunable Rr"):
-        program.simulator({"Rr": 1.0})
 
 
 # -- from one law to another -----------------------------------------------------------------------
@@ -346,10 +323,7 @@ def test_a_law_without_a_wire_says_which(drive):
 @pytest.mark.ci
 @pytest.mark.parametrize(
     ("controller", "board"),
-    [
-        ("mpc", "netduinoplus2"),
-        pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow),
-    ],
+    [("mpc", "netduinoplus2"), pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow)],
 )
 def test_the_emulated_board_runs_every_law(monkeypatch, capsys, tmp_path, controller, board):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):

@@ -104,7 +104,7 @@ def accident_row(device: Device, case: str) -> str:
         lies = dict.fromkeys(LIES[case], 1.0)
         both = [accident(device, hold, free=not hold, sign=s, **lies) for s in (1, -1)]
         then = [y["torque_at_trip"] for y in both if y["trip"] is not None]
-        trip = f"{max(then):.1f}" if len(then) == 2 else "not found"
+        trip = f"{max(then):.1f}" if len(then) == 2 else "not detected"
         cells.append(f"{trip}, {max(y['torque'] for y in both):.1f}")
     return f"| {case} | " + " | ".join(cells) + " |"
 
@@ -197,10 +197,7 @@ def two_tasks(device: Device) -> System:
         device.period_s,
         {"limits": guard, "stamp": stamp},
         (Task("sense", ("limits",)), Task("control", ("stamp",), 5, 0, 1)),
-        {
-            "limits.u_command_Nm": "stamp.u_command_Nm",
-            "limits.control_beat": "stamp.control_beat",
-        },
+        {"limits.u_command_Nm": "stamp.u_command_Nm", "limits.control_beat": "stamp.control_beat"},
         {n: (f"limits.{n}",) for n in names} | {"u_command_Nm": ("stamp.u_command_Nm",)},
         {"u_Nm": "limits.u_Nm", "fault": "limits.fault", "status": "limits.status"},
     )

@@ -43,12 +43,12 @@ def library(real: str, **changed: float) -> HostLibrary:
     return compile_device(warm(**changed), real)
 
 
-def warmed(real: str, u_Nm: np.ndarray, state=None) -> dict[str, np.ndarray]:
+def warmed(real: str, u_Nm: np.ndarray, state=None, measured_C=0.0) -> dict[str, np.ndarray]:
     runner = library(real).block("motor_temperature")
     runner.reset()
     if state is not None:
         runner.put_state(dict(zip(NODES, state, strict=True)))
-    return runner.run({"u_Nm": u_Nm}, trace=False)[0]
+    return runner.run({"u_Nm": u_Nm, "motor_C": measured_C + 0 * u_Nm}, trace=False)[0]
 
 
 def loss_W(u_Nm, winding_C):
@@ -102,6 +102,8 @@ def test_after_a_start_it_is_never_cooler_than_a_motor_that_went_on(real):
         fresh, went_on = warmed(real, u), warmed(real, u, (winding, case))
         assert all(np.all(fresh[n] >= went_on[n] - 1e-4) for n in NODES)
         assert np.all(fresh["u_thermal_Nm"] <= went_on["u_thermal_Nm"] + 1e-6)
+        told = warmed(real, u, (winding, case), measured_C=rng.uniform(-60, 150))
+        assert all(np.all(told[n] >= went_on[n] - 1e-4) for n in NODES)
 
 
 @pytest.mark.ci
@@ -112,7 +114,9 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     runner.reset()
     left, winding = [U_MAX], []
     for _ in range(36_000):
-        y, _ = runner.run({"u_Nm": np.full(20, sign * left[-1])}, trace=False)
+        y, _ = runner.run(
+            {"u_Nm": np.full(20, sign * left[-1]), "motor_C": np.zeros(20)}, trace=False
+        )
         left.append(min(U_MAX, float(y["u_thermal_Nm"][-1])))
         winding.append(float(y["winding_C"][-1]))
     assert max(winding) < MAX
@@ -125,19 +129,18 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
 @pytest.mark.parametrize("real", ["f64", "f32", "q31"])
 @pytest.mark.parametrize(("winding", "fault"), [(124.5, Fault.NONE), (126.0, Fault.MOTOR_HOT)])
 def test_a_hot_winding_takes_the_torque_and_then_latches(real, winding, fault):
+    """The drive measures it."""
     given = record_drive(warm(start_C=40.0), 400).inputs
     board, rows = library(real, start_C=40.0).board(), []
-    nodes = board.state.motor_temperature
-    fields = board.library.block("motor_temperature").state_fields
-    field = next(f for f in fields if f.port.name == "winding_C")
     for tick in range(220):
-        if tick == 201:
-            setattr(nodes, field.name, type(getattr(nodes, field.name))(field.encode(winding)))
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
         rows.append((abs(float(y["u_Nm"])), int(y["fault"])))
         if tick % 5 == 0:
-            board.step("control", **{n: v[tick // 5] for n, v in given["control"].items() if n})
+            measured = {"motor_C": winding if tick > 200 else 0.0}
+            board.step(
+                "control", **{n: v[tick // 5] for n, v in given["control"].items()} | measured
+            )
     u, faults = np.array(rows).T
     share = 0.0 if fault else 0.05 + 0.95 * (MAX - winding) / (MAX - DERATE)
     assert u[200] > 1.2 * share * U_MAX

@@ -441,35 +441,6 @@ def test_a_made_up_linear_plant_has_the_closed_solution(n):
         assert np.array_equal(simulator.state["plan"], double.state["plan"][0])
 
 
-@pytest.mark.ci
-def test_executor_and_double_precision_c_have_the_same_bits(drive, program, runners):
-    rng = np.random.default_rng(0)
-    simulator, runner = program.simulator(), runners["f64"]
-    runner.reset()
-    for _ in range(6):
-        given = situation(rng, drive, program)
-        a, b = simulator.step(**given), runner.step(**given)
-        assert a == dict(b)
-        for name, value in simulator.state.items():
-            # Every work array too.
-            assert np.array_equal(value, np.ravel(runner.state[name][0])), name
-
-
-def test_single_precision_changes_the_command_by_little(drive, program, runners):
-    rng = np.random.default_rng(1)
-    apart = []
-    for real in runners:
-        runners[real].reset()
-    for _ in range(150):
-        given = situation(rng, drive, program)
-        a, b = (runners[real].step(**given) for real in ("f64", "f32"))
-        assert a["status"] == b["status"] == 0
-        apart.append(abs(float(a["u_Nm"]) - float(b["u_Nm"])))
-    assert np.quantile(apart, 0.99) < 7e-6
-    # Where a stop stands exactly at its corner, rounding may tie it in one format only.
-    assert max(apart) < 1e-4
-
-
 SPECIAL = [np.nan, np.inf, -np.inf, 3e38, -3e38]
 
 
@@ -516,33 +487,6 @@ def test_nothing_invalid_passes(drive, program, runners, real):
             else:
                 assert out["status"] == 0
             assert out["u_Nm"] == fresh["u_Nm"]
-
-
-def test_off_means_no_command_and_no_plan(drive, program, runners):
-    given = situation(np.random.default_rng(5), drive, program) | {"tau_d_Nm": 4.0}
-    for runner in runners.values():
-        runner.reset()
-        assert runner.step(**given)["u_Nm"] != 0
-        out = runner.step(**given | {"mode": 0.0})
-        assert (out["u_Nm"], out["status"]) == (0.0, 0)
-        assert not np.any(runner.state["plan"])
-
-
-def test_a_substep_that_breaks_the_rules_is_refused():
-    def forgets(t, h, x, u, p, w):
-        return {"s": x.s}
-
-    def asks(t, h, x, u, p, w):
-        d = t.let("d", x.s)
-        t.memory(d)
-        return {"s": x.s, "v": x.v}
-
-    from dataclasses import replace
-
-    model = mass_on_a_rail(2)
-    for substep, message in ((forgets, "states"), (asks, "memory")):
-        with pytest.raises(ValueError, match=message):
-            predictive_program(replace(model, substep=substep), Horizon(2), period_s=0.01)
 
 
 @pytest.mark.ci

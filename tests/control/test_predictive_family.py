@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.control.predictive.cable_model import CableModel
 from esea_gen.control.predictive.drive import drive_model
 from esea_gen.control.predictive.horizon import Horizon, linearise
 from esea_gen.control.predictive.rubber_ahead import FamilyAhead, rubber_ahead
@@ -133,14 +132,6 @@ def test_the_prediction_of_a_known_motion_is_what_the_sensor_says(devices, name,
     assert mine == pytest.approx(sensed, abs=1e-12)
 
 
-@pytest.mark.ci
-@pytest.mark.parametrize(("name", "most_Nm"), [("every", 0.0005), ("bearing", 0.003)])
-def test_substeps_of_5_ms_cost_little(devices, name, most_Nm):
-    """Against the sensor at its own 1 kHz, between 5 ms straight."""
-    worst = [np.abs(np.subtract(*both(devices[name], 0.005, 0.001, k))).max() for k in range(3)]
-    assert 0 < max(worst) < most_Nm
-
-
 class FamilyPlain(Plain):
     """The plant with the sensor Block for its rubber, differentiated as a whole by CasADi."""
 
@@ -179,17 +170,6 @@ def test_sensitivities_and_command_against_the_sensor_as_plant(devices, name, se
     assert np.mean(smooth) > 0.8
 
 
-def test_a_sensitivity_that_is_left_out_is_seen(devices, monkeypatch):
-    """Of the torque by the deflection of the substep before: by what slips and relaxes."""
-
-    def blind(self, t, name, d):
-        return t.keep(name, d, {d: lambda _: float(name == "within")})
-
-    monkeypatch.setattr(FamilyAhead, "_within", blind)
-    with pytest.raises(AssertionError):
-        check_linearisation(devices["every"], Horizon(2, substeps=2), 1, plain=FamilyPlain)
-
-
 @pytest.mark.parametrize("name", ["every", "bearing"])
 def test_a_substep_with_the_cable_against_central_differences(devices, name):
     """Every state and the input; within the sensor's range and beyond it."""
@@ -225,34 +205,6 @@ def test_a_substep_with_the_cable_against_central_differences(devices, name):
                 ends = (following(x, u + step), following(x, u - step))
             difference = (ends[0] - ends[1]) / (2 * size)
             assert np.array(mine).ravel() == pytest.approx(difference, rel=1e-5, abs=1e-6)
-
-
-def test_the_balance_with_the_cable_takes_a_stiffness_between(devices, elbow):
-    """Worked out from the weights: (least + most) / 2 at 0; of springs that stiffen, half."""
-    rubber = rubber_ahead(devices["bearing"])
-    least, most = 0.076 + 3.40, 0.076 + 3.40 + 1.75 + 2 * (13.1 + 0.88)
-    assert rubber.soft_Nm_rad == pytest.approx(0.5 * (least + most) / 0.1967, rel=1e-9)
-    cubic = Member("cubic", "cubic", (Term("spring", LINEAR), Term("spring", CUBIC)))
-    stiff = family_device(elbow, FittedMember(cubic, 0.2, (0.5, 5.0)), "drawn")
-    device = parse_device(drive(stiff), "cubic.toml")
-    reach = device.file.domain.theta_max_rad.value / 0.2
-    steepest = (0.5 + 15.0 * reach**2) / 0.2
-    soft = rubber_ahead(device).soft_Nm_rad
-    assert soft == pytest.approx(0.5 * steepest)
-    model = CableModel(device, soft)
-    assert abs(steepest - soft) < soft + model.inside
-
-
-def test_what_the_sensor_remembers_is_wired(devices):
-    """In place of [sliding_mode]; the sensor gives its states out, and no play of the elbow's."""
-    system = devices["bearing"].system
-    inputs = {p.name: p.size for p in system.blocks["predictive"].inputs}
-    memory = {"reached": 1, "band": 1, "kept": 2, "slip": 5}
-    assert inputs.items() >= memory.items()
-    assert not inputs.keys() & {"play_rad", "tau_rate_Nm"}
-    wires = {f"{a.instance}.{a.port}": f"{b.instance}.{b.port}" for a, b in system.wires.items()}
-    for name in ("tau_Nm", *memory):
-        assert wires[f"predictive.{name}"] == f"sensor.{name}"
 
 
 @pytest.mark.ci

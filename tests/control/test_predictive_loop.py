@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from esea_gen.board.bound import BoundError, blocks_of, disassemble
-from esea_gen.control.predictive.box_qp import packed
-from esea_gen.control.predictive.drive import drive_model, predictive_controller
-from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -28,7 +25,6 @@ from tests.benchmarks.predictive import (
     stress_rows,
 )
 from tests.benchmarks.predictive_loop import recorded_rows
-from tests.benchmarks.predictive_peer import flat_residuals
 from tests.box_qp_program import box_qp
 from tests.conftest import require_tool
 from tests.rendered_program import render_program
@@ -138,33 +134,6 @@ def test_the_board_c_has_no_warning_and_no_double(program, core, tmp_path):
     assert "2d" not in symbols
     assert "malloc" not in symbols
     assert "mem" not in [line.split()[-1][:3] for line in symbols.splitlines() if " U " in line]
-
-
-@pytest.mark.parametrize("train", ["rigid", "cable"])
-def test_a_third_derivation_gives_the_same_jacobian(drive, train):
-    # CasADi's own differentiation of the flat rollout, with preview and impedance.
-    horizon = Horizon(intervals=4, delay_s=0.002, long_intervals=2)
-    model = drive_model(drive, horizon, preview=True, impedance=True, train=train)
-    flat = flat_residuals(model, horizon)
-    program = predictive_controller(
-        drive, horizon=horizon, preview=True, impedance=True, train=train
-    )
-    simulator = program.simulator()
-    coefficients = np.concatenate(list(simulator.coefficients.values()))
-    for row in stress_rows(program, 20, seed=5):
-        simulator.reset()
-        given, at = {}, 0
-        for p in program.inputs:
-            given[p.name] = row[at : at + p.size]
-            at += p.size
-        simulator.step(**given)
-        jacobian = np.array(flat(row, coefficients, np.zeros(4))[1])
-        mine = np.zeros_like(jacobian)
-        for offset, name in ((0, "error_0_rows"), (4, "effort_0_rows")):
-            for i in range(4):
-                for j in range(i + 1):
-                    mine[offset + i, j] = simulator.array(name)[packed(i, j)]
-        assert np.max(np.abs(mine - jacobian)) < 1e-9 * np.max(np.abs(jacobian))
 
 
 def test_the_standard_experiments(drive):

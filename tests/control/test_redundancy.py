@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
@@ -126,15 +125,6 @@ def test_a_device_without_the_section_has_two_encoders_and_a_drive_with_it_three
 def test_a_softest_cable_that_is_stiffer_is_refused():
     with pytest.raises(UserError, match=r"cable_least_Nm_rad = 200 is above .*cable_Nm_rad = 150"):
         mine(f"[redundancy]\ncable_least_Nm_rad = {q(200.0)}\n")
-
-
-def test_without_a_drive_there_is_nothing_to_compare():
-    elbow = esea_gen.load_device("elbow").toml()
-    drive = esea_gen.load_device("elbow_drive").toml()
-    with pytest.raises(UserError, match=r"\[redundancy\] compares the drive with the joint"):
-        parse_device(
-            elbow + without(drive[drive.index("[redundancy]") :], "passivity", "cable"), "m"
-        )
 
 
 @pytest.mark.parametrize(("speed", "taken"), [(20.5, True), (21.3, False)])

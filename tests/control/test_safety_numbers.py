@@ -43,19 +43,6 @@ def test_a_limit_that_meets_the_next_one_is_refused(key, value, named, more):
     assert ("narrow the margin" in str(refused.value)) == room
 
 
-def test_a_hair_less_is_taken():
-    check_safety(shipped())
-    for key, value in (
-        ("safety.rom_min_rad", -0.3999),
-        ("safety.rom_max_rad", 2.7999),
-        ("safety.omega_max_rad_s", 11.999),
-        ("joint.omega_max_rad_s", 10.001),
-        ("actuator.omega_max_rad_s", 10.001),
-        ("safety.rom_margin_rad", 0.449),
-    ):
-        check_safety(shipped(**{key: value}))
-
-
 @pytest.mark.parametrize("missing", ["safety", "actuator", "joint"])
 def test_a_section_that_is_missing_is_named(missing):
     device = variant()

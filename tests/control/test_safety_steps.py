@@ -9,67 +9,16 @@ from __future__ import annotations
 from math import exp, pi
 
 import numpy as np
-import pytest
 
-from esea_gen.control.law_switch import law_switch
-from esea_gen.control.limits.block import command_stamp
 from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.passivity import passivity
 from esea_gen.control.reference import reference
 from tests.single_steps import COUNT, Steps, word
 
 where, clip = np.where, np.clip
-H, TS = 1e-3, 5e-3
+H = 1e-3
 TAU, FULL, SPEED, U = 20.0, 4.47, 12.0, 0.221  # largest of each
 N, J, LAG_S = 74.0, 0.663, 0.03488
-
-
-def test_a_step_of_the_switch_between_laws(drive):
-    def together(s, u, rng):
-        u["law"][:] = rng.choice([0.0, 1.0, 2.0, 0.5], COUNT)
-        k = rng.random(COUNT) < 0.5
-        u["law"][k] = s["law_held"][k] = np.rint(s["law_held"][k])
-
-    run = Steps(law_switch(drive, ["one", "other", "third"], ["other", "third"]), together=together)
-    s, u = run.s, run.u
-    keep = np.exp(-TS / run.t.fade_s)
-    np.testing.assert_allclose(run.c.keep, keep)
-    unknown = ~np.isin(u.law, (0, 1, 2))
-    held = where(unknown, s.law_held, u.law)
-    # An index outside the table, in a memory that is otherwise intact, counts as the first.
-    at = np.select([held == 1, held == 2], [1, 2], 0)
-    command = np.choose(at, [u.u_one_Nm, u.u_other_Nm, u.u_third_Nm])
-    sound = np.choose(at, [np.ones(COUNT), u.ok_other, u.ok_third])
-    offset = where(held == s.law_held, keep * s.offset_Nm, s.u_last_Nm - command)
-    joined = clip(command + offset, -U, U)
-    run.compare(
-        {
-            "next_law_held": held,
-            "next_offset_Nm": clip(offset, -2 * U, 2 * U),
-            "next_u_last_Nm": joined,
-            "y_u_command_Nm": joined,
-            "y_request_ok": run.ok & (sound == 1),
-            "y_law_held": held,
-            "y_status": word(~run.ok, ~run.whole, unknown, abs(command + offset) > U),
-        },
-        near=abs(abs(command + offset) - U) < 3e-8,
-    )
-
-
-@pytest.mark.parametrize("checked", [False, True])
-def test_a_step_of_the_stamp(drive, checked):
-    run = Steps(command_stamp(drive, checked=checked))
-    s, u = run.s, run.u
-    sound = run.ok & ((u.request_ok == 1) if checked else True)
-    beat = where(s.beats >= 255, 1, s.beats + 1)
-    run.compare(
-        {
-            "next_beats": beat,
-            "y_u_command_Nm": where(sound, u.u_command_Nm, 0),
-            "y_control_beat": where(sound, beat, 0),
-            "y_status": word(~sound, ~run.whole),
-        }
-    )
 
 
 def test_a_step_of_the_comparison(drive):

@@ -193,13 +193,6 @@ def test_equal_devices_share_their_blocks_and_others_do_not():
     assert Device(one.file, one.origin, (law,)).system is not one.system
 
 
-def test_missing_keys_are_named():
-    without = re.sub(r"\nk1_Nm_rad.*", "", ELBOW)
-    assert "key elastomer.k1_Nm_rad is missing" in refuse(without)
-    without = ELBOW.replace(', source = "thesis table 3.2" }', " }", 1)
-    assert "elastomer.k1_Nm_rad.source is missing" in refuse(without)
-
-
 def test_relations_between_values():
     wide = ELBOW.replace("value = 0.20071286397934789", "value = 0.9").replace(
         "value = 0.2007128639793479", "value = 0.9"
@@ -241,20 +234,3 @@ def test_the_named_bound_is_inside_and_two_roundings_beyond_is_not(bound: float)
                 Tunable("x", beyond, *ends, "x")
     inside = bound * 0.9
     assert Tunable("x", inside, 0.0, bound, "x").taken(inside) == inside
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "value", "tunable"),
-    [
-        ("encoder.motor", "zero_rad", math.pi, "encoder_motor.zero_rad"),
-        ("encoder.motor", "zero_rad", -math.pi, "encoder_motor.zero_rad"),
-        ("actuator", "coulomb_width_rad_s", 0.001, None),
-    ],
-)
-def test_a_device_file_may_hold_the_bound_that_messages_name(section, key, value, tunable):
-    number = f'{{ value = {value!r}, status = "assumed", source = "test" }}'
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
-    system = parse_device(f"{head}[{section}]\n{key} = {number}\n", "mine.toml").system
-    if tunable is not None:
-        known = {f"{i}.{t.name}": t.default for i, t in system.tunables}
-        assert known[tunable] == pytest.approx(value, rel=2**-23)

@@ -14,13 +14,10 @@ from hypothesis.extra.numpy import arrays
 from jsonschema import Draft7Validator
 
 import esea_gen
-from esea_gen.device import copy_device, parse_device
+from esea_gen.device import parse_device
 from esea_gen.devices.fields import SCHEMA_FILE
 from esea_gen.devices.file import shipped_devices
 from esea_gen.devices.schema import json_schema
-from esea_gen.emit.build import (
-    device_hash,
-)
 from esea_gen.emit.walker import walk
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
@@ -192,18 +189,6 @@ def test_torque_rises_strictly_beyond_the_dead_zone(history, omega, one, other):
     assert torque[1] > torque[0]
 
 
-def test_a_residual_rate_torque_relaxes_inside_the_dead_zone_whatever_the_rate():
-    # eta = eps1 / eps2 there, so that the time constant is eps1 / (eps2 kv): 10.1 ms.
-    simulator = esea_gen.load_device("knee").sensor.simulator()
-    for omega in (0.0, 20.0):
-        simulator.reset()
-        simulator.step(theta_rad=0.01, omega_rad_s=0.0)
-        simulator.state = {"tau_r_Nm": 0.2}
-        out, _ = simulator.run({"theta_rad": np.full(20, 0.01), "omega_rad_s": np.full(20, omega)})
-        expected = 0.2 * np.exp(-np.arange(1, 21) * 1e-3 * 0.217 * 11.5 / 0.0253)
-        assert out["tau_rate_Nm"] == pytest.approx(expected, rel=1e-4)
-
-
 def test_the_dead_zone_is_checked(elbow):
     assert "dead_zone_rad" not in elbow.canonical()  # nothing changes for a device without it
     text = esea_gen.load_device("knee").toml()
@@ -224,17 +209,6 @@ def test_the_dead_zone_is_checked(elbow):
 
 
 # -- wrist -------------------------------------------------------------------------------------
-
-
-def test_wrist_is_two_elbows_and_says_so(elbow):
-    wrist = esea_gen.load_device("wrist")
-    numbers = {k: q.value for k, q in elbow.quantities()}
-    for key, q in wrist.quantities():
-        assert q.value == numbers[key]
-        assert q.status == "assumed"
-        assert "nothing is published for the wrist" in q.source
-    assert [b.name for b in wrist.system.kinds] == ["velocity", "smoothing", "sensor"]
-    assert walk(wrist.sensor.step) == walk(elbow.sensor.step)
 
 
 def test_wrist_axes_are_independent_elbows(elbow):
@@ -323,14 +297,6 @@ def test_new_refuses_and_leaves_nothing(tmp_path, arguments, words):
         assert word in message
     assert [p.name for p in tmp_path.iterdir()] == ["taken.toml"]
     assert (tmp_path / "taken.toml").read_text() == "precious"
-
-
-def test_copies_change_no_number(device):
-    copy = copy_device(device, "copy")
-    assert parse_device(copy.toml(), "copy.toml").digest == copy.digest
-    assert walk(copy.sensor.step) == walk(device.sensor.step)
-    assert device_hash(copy) != device_hash(device)
-    assert copy.axes == device.axes
 
 
 def conforms(value, schema) -> list[str]:

@@ -43,15 +43,12 @@ def test_no_zero_is_taken_over(base):
     """Neither by a file that extends, nor by a copy; a zero of one's own stays."""
     head = f'schema = 1\nextends = "{base}"\nname = "mine"\ntitle = "mine"\n'
     zero = '[encoder.load]\nzero_rad = { value = 0.1, status = "identified", source = "rig" }\n'
-    for device in (
-        parse_device(head, "mine.toml"),
-        copy_device(load_device(base), "mine"),
-    ):
+    for device in (parse_device(head, "mine.toml"), copy_device(load_device(base), "mine")):
         sides = device.file.encoder.motor, device.file.encoder.load
         assert [side.zero_rad for side in sides] == [None, None]
     load = parse_device(head + zero, "mine.toml").file.encoder.load
     assert load.zero_rad.value == 0.1
-    assert load_device(base).file.encoder.load.zero_rad.value == 0.0
+    assert load_device(base).file.encoder.load.zero_rad is None  # C without a zero does not arm
 
 
 @pytest.mark.ci
@@ -163,16 +160,6 @@ def test_the_elbow_scaled_to_a_wrist_has_what_was_designed_for_the_wrist():
         "safety.energy_J",
     ):
         assert made[key].value == pytest.approx(WRIST[key].value, rel=0.1), key
-
-
-def test_a_light_drive_has_no_more_least_damping_than_damping():
-    made = short(WRIST, 3e-6, u_max_Nm=0.08, k1_Nm_rad=3.0, tau_max_Nm=2.0).file.passivity
-    assert made.least_Nms_rad.value < made.damping_Nms_rad.value
-
-
-def test_a_control_period_below_the_bases_release_ends_at_its_own():
-    timing = short(ELBOW, ROTORS["elbow_drive"], control_rate_Hz=1000.0).file.timing
-    assert timing.control_release_s.value == 1e-3
 
 
 def test_a_number_that_the_file_gives_is_left_as_it_is():

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import subprocess
-import sys
 from contextlib import nullcontext
 
 import numpy as np
@@ -266,71 +265,9 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     assert "1107 rows, 1 gaps" in said(*words)
 
 
-def test_an_export_that_fails_leaves_nothing_and_can_be_repeated(demo, tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    with esea_host.open_log(demo.recording) as log:
-        with monkeypatch.context() as patch:
-            patch.setattr("csv.writer", full)
-            with pytest.raises(UserError, match="No space left"):
-                to_csv(log, "sense_out", tmp_path / "a.csv")
-        assert list(tmp_path.iterdir()) == []
-        assert to_csv(log, "sense_out", tmp_path / "a.csv") == len(log["sense_out"])
-
-
-def test_the_bench_measures_what_it_says(simulated_elbow):
-    """Its shape, and what must be 0; figures are for docs/host.md."""
-    found = bench.measure(simulated_elbow, 0.05, 0.01, 2.0, 0.0, 0.0)
-    assert found["simulated"]
-    assert found["long_run"]["gaps"] == found["long_run"]["expected_minus_recorded"] == 0
-    assert found["decoding"]["times_real_time"] > 1
-    assert found["decoding"]["faster_than_parse_buffer"] > 3  # 12; a busy machine may be unfair
-
-
-# In a process of its own: in one that has run for long, memory that is free hides what is kept.
-SOAK = """
-import json, sys
-from tests.benchmarks.live_view import window_soak
-from esea_host.simulated import SimulatedBoard
-from esea_host.windows.feed import RowRing
-
-kept, extend = [], RowRing.extend
-
-def leak(self, batch):
-    kept.append(batch.rows.copy())
-    extend(self, batch)
-
-board = SimulatedBoard("elbow_drive")
-found = window_soak(board, 30 / 3600, 10.0, 1.0, every_s=2.0)
-RowRing.extend = leak
-leaking = window_soak(board, 30 / 3600, 10.0, 10.0, every_s=2.0)
-board.close()
-print(json.dumps([found, leaking]))
-"""
-
-
-def test_the_live_view_has_its_memory_from_the_start(simulated_elbow):
-    """Twenty seconds of rows at the board's rates: rings that fill up would take 4 MB."""
-    done = subprocess.run([sys.executable, "-c", SOAK], capture_output=True, text=True, check=True)
-    found, leaking = json.loads(done.stdout.splitlines()[-1])
-    assert found["rows"] == 30 * (2 * 1000 + 2 * 200)  # sense and control, in and out
-    assert found["memory_growth_bytes"] < 2e6
-    # A copy of the rows is kept, as somebody might by mistake.
-    assert leaking["memory_growth_bytes"] > 3e6
-
-
 @pytest.mark.slow
 def test_the_live_view_holds_its_memory_with_every_channel_drawn(simulated_elbow):
     """A quarter of an hour of rows, 900 pictures of 42 curves and 37 spectra."""
     found = bench.window_soak(simulated_elbow, 0.25, 180.0, 1.0, channels=40)
     assert found["pictures"] >= 899
     assert found["memory_growth_bytes"] < 1e6
-
-
-@pytest.mark.slow
-def test_the_bench_sees_samples_become_pictures():
-    found = bench.plot_latency(3.0)
-    assert found["rows"] > 500
-    assert found["gaps"] == 0
-    assert 0 < found["p50_ms"] < found["p99_ms"] < 5000

@@ -16,10 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from esea_gen import load_device
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
-from esea_gen.devices.fatigue import life_used
 from esea_gen.devices.fields import Fatigue
 from esea_gen.devices.numbers import Quantity
 from esea_gen.link.kept import coupling_lives, forget_coupling, name_coupling
@@ -155,12 +153,7 @@ def test_when_there_is_no_room_the_oldest_range_is_half_a_cycle(counting):
 
 
 MOST_rad = 0.35
-CURVE = {
-    "range_rad": 0.3,
-    "cycles": 100.0,
-    "exponent": 5.0,
-    "warn_share": 0.5,
-}
+CURVE = {"range_rad": 0.3, "cycles": 100.0, "exponent": 5.0, "warn_share": 0.5}
 
 
 @pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])
@@ -247,18 +240,6 @@ def test_what_it_bore_is_kept_through_a_power_cut_at_any_byte(board):
     assert seen == {first.halves, second.halves}
 
 
-def test_the_history_goes_on_where_the_power_went(board):
-    """A half swing before, one after: together the cycle that it is."""
-    angles = np.concatenate([swings(8), [0.0]])
-    bear(board, angles[:150])
-    rest(board, 61)
-    board.restart()
-    bear(board, angles[150:])
-    (told,) = coupling_lives(board)
-    held = np.concatenate([angles[:150], angles[150:]])
-    assert told.halves == tuple(package_halves(np.rint(np.float32(held) * TOP / MOST_rad)))
-
-
 def test_each_coupling_has_its_own_count_by_its_number(board):
     bear(board, swings(12))
     (unnamed,) = coupling_lives(board)
@@ -295,18 +276,6 @@ def test_each_coupling_has_its_own_count_by_its_number(board):
 def with_curve(device):
     given = {n: Quantity(value=v, status="assumed", source="a test") for n, v in CURVE.items()}
     return Device(device.file.model_copy(update={"fatigue": Fatigue(**given)}), device.origin)
-
-
-def test_miner_s_sum_is_that_of_the_curve():
-    """One cycle of a range r uses (r / range)^exponent / cycles; doubled range, 2^5 times that."""
-    curve = with_curve(load_device("elbow")).file.fatigue
-    halves = [0] * CLASSES
-    halves[20] = 10  # 0.3 to 0.315 rad with classes of 0.015
-    used = life_used(curve, halves, 0.015)
-    assert used.least == pytest.approx(5 / 100)
-    assert used.most == pytest.approx(5 / 100 * 1.05**5)
-    halves[20], halves[40] = 0, 10
-    assert life_used(curve, halves, 0.015).least == pytest.approx(5 / 100 * 2**5)
 
 
 def test_the_command_tells_and_warns(board, elbow, monkeypatch, tmp_path):

@@ -15,7 +15,6 @@ from scipy.signal import lfilter
 from typer.testing import CliRunner
 
 import esea_gen.identify.family.compare as comparing
-import esea_gen.verify.step_count
 from esea_gen.cli.app import app
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
@@ -23,13 +22,7 @@ from esea_gen.identify.choosing import identify_chosen
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family.choice import CompareRow, choose
 from esea_gen.identify.family.compare import PEERS, fit_peer
-from esea_gen.identify.family.fit import (
-    UnitTerms,
-    fit_member,
-    members,
-    solve_weights,
-    trained_scale,
-)
+from esea_gen.identify.family.fit import UnitTerms, fit_member, members, solve_weights
 from esea_gen.identify.family.identification import family_device, identify_member
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.recorded import Misfits
@@ -155,21 +148,7 @@ def test_weights_are_the_bounded_least_squares_of_another_solver():
         assert np.all(np.abs(slopes[mine > low + 1e-9]) < 1e-6)
 
 
-def test_a_known_member_is_found_again():
-    """The deflection of real rubber, the torque of a member: its weights, to rounding."""
-    require_tool("gcc")
-    recordings = load_recordings(load_mapping(HDRB))
-    form = member("slips")
-    terms = UnitTerms(form, recordings, 100.0)
-    truth = np.array([1.0, 0.4, 0, 2.0, 0, 0, 1.5, 0, 0, 0.7, 0, 0])
-    scale = trained_scale(recordings)
-    made = [
-        replace(r, tau_Nm=c @ truth) for r, c in zip(recordings, terms.over(scale), strict=True)
-    ]
-    found = fit_member(terms, made, 4.0)
-    assert np.abs(np.array(found.weights_Nm) - truth).max() < 1e-4
-
-
+@pytest.mark.ci
 def test_friction_that_turns_back_otherwise_at_each_end_is_drawn(tmp_path):
     """Two sides with relaxations of their own, strokes of two speeds; small steps of Euler."""
     require_tool("gcc")
@@ -333,30 +312,6 @@ def test_of_what_is_held_out_a_peer_knows_nothing(tmp_path, name):
 
 
 @pytest.mark.ci
-def test_the_command_prints_a_table_and_writes_json(tmp_path, monkeypatch):
-    require_tool("gcc")
-    few = tuple(m for m in members() if m.name in ("stops", "slips"))
-    monkeypatch.setattr(comparing, "members", lambda: few)
-    monkeypatch.setattr(comparing, "PEERS", {})
-    monkeypatch.setattr(esea_gen.verify.step_count, "sensor_instructions", lambda device: 321.0)
-    path = write_rig(tmp_path, {"small": 2.0, "middle": 3.5, "large": 5.0})
-    target = tmp_path / "found.json"
-    done = CliRunner().invoke(app, ["identify", str(path), "--compare", "--json", str(target)])
-    assert done.exit_code == 0, done.output
-    found = json.loads(target.read_text())
-    assert {(r["model"], r["condition"]) for r in found["compare"]} == {
-        (m, c) for m in ("published", "stops", "slips") for c in ("small", "middle", "large")
-    }
-    for r in found["compare"]:
-        assert r["operations"] > 0
-        assert r["instructions"] == 321.0
-        assert 0 < r["training"] < 20
-        assert 0 < r["held_out"] < 20
-    assert found["chosen"] in done.output
-    assert f"{found['compare'][0]['held_out']:.2f}" in done.output
-
-
-@pytest.mark.ci
 def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
     """Named, or asked for with what only the published form has."""
     require_tool("gcc")
@@ -385,27 +340,3 @@ def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
     result, compared = identify_chosen(zoned)
     assert compared is None
     assert result.notes[0].startswith("Model: published.")
-
-
-@pytest.mark.ci
-def test_without_an_emulator_the_comparison_goes_on(tmp_path, monkeypatch):
-    """Instructions are not counted, which is said; the choice goes by operations anyway."""
-    require_tool("gcc")
-    monkeypatch.setattr(comparing, "members", lambda: (member("stops"),))
-    monkeypatch.setattr(comparing, "PEERS", {})
-    monkeypatch.setattr(esea_gen.verify.step_count, "missing_tool", lambda: "No emulator.")
-    path, target = write_rig(tmp_path, {"small": 2.0, "large": 5.0}), tmp_path / "found.json"
-    head, *rows = (tmp_path / "large.csv").read_text().split()
-    moved = (r.rsplit(",", 1) for r in rows)
-    rows = [f"{a},{float(y) + 0.1:.6g}" for a, y in moved]  # an offset, beside 1.5
-    (tmp_path / "large.csv").write_text("\n".join([head, *rows]) + "\n")
-    done = CliRunner().invoke(app, ["identify", str(path), "--compare", "--json", str(target)])
-    assert done.exit_code == 0
-    assert "instructions are not counted. No emulator." in " ".join(done.output.split())
-    found = json.loads(target.read_text())
-    assert {r["instructions"] for r in found["compare"]} == {None}
-    assert found["chosen"] in ("published", "stops")
-    # What spoils a recording is said here, too.
-    assert found["notes"][0].startswith("Quality gate: offset.")
-    assert found["notes"][1].startswith("Quality, large: the torque has an offset of 0.0999 Nm (")
-    assert "Quality gate: offset." in done.output

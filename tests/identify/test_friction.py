@@ -17,13 +17,7 @@ from tests.conftest import ROOT
 DATA = ROOT / "tests" / "data" / "epos_friction"
 FULL_Nm = 9.84e-3  # the drives' nominal torque
 SPEEDS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
-TRUTH = {
-    "load_Nm": 3e-4,
-    "fc_Nm": 2.4e-3,
-    "fs_Nm": 8e-4,
-    "vs_rad_s": 4.0,
-    "fv_Nms_rad": 5e-5,
-}
+TRUTH = {"load_Nm": 3e-4, "fc_Nm": 2.4e-3, "fs_Nm": 8e-4, "vs_rad_s": 4.0, "fv_Nms_rad": 5e-5}
 
 
 def drawn(seed, **other):

@@ -10,14 +10,10 @@ import pytest
 
 from esea_gen.device import with_numbers
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.drafting import (
-    draft,
-    fitted_device,
-    sourced_device,
-)
+from esea_gen.identify.drafting import draft, fitted_device
 from esea_gen.identify.published.fit import Fit
-from esea_gen.identify.published.plant import FittedPlant, Uncertainty
-from esea_gen.identify.published.space import bounds_of, place_of
+from esea_gen.identify.published.plant import FittedPlant
+from esea_gen.identify.published.space import place_of
 from tests.conftest import require_tool
 from tests.rigs import written
 
@@ -115,24 +111,6 @@ def test_a_fitted_devices_limit_is_what_its_model_gives_from_end_to_end(
             v,
             "identified",
         )
-
-
-def test_each_number_says_where_it_is_from_and_how_sure_it_is(tmp_path):
-    source, recordings, template = drafted(tmp_path)
-    values = values_of(k1_Nm_rad=bounds_of("k1_Nm_rad")[1])
-    fit = Fit(values, 1e-3, 8, 8, 1.0, edges={"omega_rad": "as close as allowed"})
-    device = fitted_device(source, recordings, template, fit, 0.0)
-    sigma = {"k3_Nm_rad3": 2.345, "alpha_Nm_rad": math.inf, "beta_1_rad": 7.001, "omega_rad": 1e-3}
-    sourced = sourced_device(source, recordings, device, fit, Uncertainty(sigma, {}, 1.0))
-    found = {k: q.source for k, q in sourced.quantities() if k.startswith("elastomer.")}
-    where = "rig.csv (map.toml)"
-    assert found["elastomer.k1_Nm_rad"] == f"{where}; at its upper bound"
-    assert found["elastomer.k3_Nm_rad3"] == f"{where}; standard deviation 2.3"
-    assert found["elastomer.alpha_Nm_rad"] == f"{where}; the torque does not depend on it"
-    assert found["elastomer.beta_1_rad"] == f"{where}; standard deviation 7"  # not told from 0
-    assert found["elastomer.omega_rad"] == f"{where}; as close as allowed"
-    status = {k: q.status for k, q in sourced.quantities() if k[10:] in values}
-    assert [k for k, v in status.items() if v == "identified"] == ["elastomer.k3_Nm_rad3"]
 
 
 @pytest.mark.parametrize("rate", [False, True])

@@ -16,15 +16,13 @@ import pytest
 from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, Recording, identify, load_mapping, load_recordings
-from esea_gen.identify.inverse import KEYS, play_spread
 from esea_gen.identify.published.plant import FittedPlant, uncertainty
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.resampling import FitRows
 from esea_gen.model.sensing import sensing_system
-from tests.conftest import ROOT, require_tool
+from tests.conftest import require_tool
 from tests.rigs import changed, table
 
-DATA = ROOT / "tests" / "data" / "hdrb"
 CYCLE = 100  # samples
 
 MAPPING = changed(
@@ -57,18 +55,6 @@ def loaded(path: Path) -> list[Recording]:
 
 
 # -- which samples ---------------------------------------------------------------------------------
-
-
-def test_training_and_held_out_samples_are_those_counted_by_hand(tmp_path):
-    theta = np.concatenate([sine(6, 0.1), sine(6, 0.2)])
-    (recording,) = loaded(written(tmp_path, rig=(theta, lossy(theta))))
-    small, large = recording.sets
-    # Cycles run from maximum to maximum, the first at a quarter of one.  Of six small ones the
-    # first five are whole: one conditions, three train, one is held out; the sixth leads over.
-    np.testing.assert_array_equal(small.training, np.arange(125, 425))
-    np.testing.assert_array_equal(small.held_out, np.arange(425, 525))
-    np.testing.assert_array_equal(large.training, np.arange(725, 1025))
-    np.testing.assert_array_equal(large.held_out, np.arange(1025, 1125))
 
 
 def roles_by_sample(recording: Recording) -> np.ndarray:
@@ -236,17 +222,6 @@ class Cubic:
         return self.basis @ [values["k1_Nm_rad"], values["k3_Nm_rad3"]]
 
 
-class Plays:
-    """Stands for the compiled play operators: a set-point that is linear in all three numbers."""
-
-    def __init__(self, basis: np.ndarray, measured: np.ndarray) -> None:
-        self.basis, self.measured = basis, measured
-        self.weight = np.full(len(measured), 1 / np.sqrt(len(measured)))
-
-    def set_point(self, *values: float) -> np.ndarray:
-        return self.basis @ values
-
-
 def alike(rng: np.random.Generator, rho: float, runs: int, n: int) -> np.ndarray:
     """Noise of unit variance of which neighbours are alike by ``rho``, shape (runs, n)."""
     noise = rng.normal(size=(runs, n))
@@ -289,21 +264,6 @@ def test_a_parameter_without_effect_is_not_determined(unit):
     told = uncertainty(plant, {"k1_Nm_rad": 10.0, "k3_Nm_rad3": 200.0})
     assert told.sigma["k3_Nm_rad3"] == math.inf
     assert 0 < told.sigma["k1_Nm_rad"] < 0.2
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.6, 0.95])
-def test_standard_deviations_of_the_inverse_are_that_scatter_too(rho):
-    angle = np.arange(SAMPLES) * 2 * np.pi / SAMPLES
-    basis = np.stack([np.sin(angle), 0.01 * np.cos(angle), 0.3 * np.sin(3 * angle)], axis=1)
-    measured = basis @ [0.1, 2.5, 0.02]
-    measured = measured + 1e-3 * alike(np.random.default_rng(12), rho, RUNS, SAMPLES)
-    fits = np.linalg.lstsq(basis, measured.T, rcond=None)[0].T
-    said = []
-    for fit, row in itertools.islice(zip(fits, measured, strict=True), TOLD):
-        values = dict(zip(KEYS, fit.tolist(), strict=True))
-        sigma, _ = play_spread(Plays(basis, row), values)
-        said.append([sigma[k] for k in KEYS])
-    np.testing.assert_allclose(np.mean(said, axis=0), fits.std(axis=0), rtol=0.12)
 
 
 # -- units -----------------------------------------------------------------------------------------

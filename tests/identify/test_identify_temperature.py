@@ -6,14 +6,12 @@ candidate has, an offset; all but the offset change by -0.4 % a kelvin of what t
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from esea_gen.device import load_device
 from esea_gen.devices.fields import field_facts
 from esea_gen.errors import UserError
 from esea_gen.identify import judge, load_mapping, load_recordings
@@ -90,21 +88,6 @@ def test_the_change_a_kelvin_is_found_again(found):
     assert abs(factor.per_K - PER_K) < 4 * found.sigma_per_K
     offsets = [w for w, t in found.fitted.used if t.kind == "offset"]
     assert offsets == pytest.approx([-0.06], abs=0.01)
-
-
-def test_it_is_in_the_device_file_and_in_the_result(found, tmp_path):
-    device = load_device(found.write(tmp_path))
-    section = device.file.family.temperature
-    assert section.per_K.value == found.fitted.temperature.per_K
-    assert section.per_K.status == "identified"
-    assert "standard deviation" in section.per_K.source
-    assert "trained from 15 to 31 degC" in section.high_C.source
-    told = json.loads(json.dumps(found.to_dict()))
-    assert told["model"]["temperature"]["sigma_per_K"] == found.sigma_per_K
-    assert [r["temperature_C"] for r in told["recordings"]] == [15.0, 23.0, 31.0]
-    said = "\n".join(found.summary())
-    assert "% a kelvin (95 %: -0.4" in said
-    assert "temperature_C is the reference until somebody sets it" in said
 
 
 def test_its_own_c_is_judged_at_each_temperature(found):

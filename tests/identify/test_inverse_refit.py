@@ -22,14 +22,10 @@ from esea_gen.identify.inverse import judge_inverse, refit_inverse
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.stream import Stream, single
-from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.model.published_inverse import (
-    FilterName,
-    filter_taps,
-    published_inverse,
-)
+from esea_gen.model.inverse import inverse_system
+from esea_gen.model.published_inverse import published_inverse
 from esea_gen.reproduce.torque_model import sensed_torque
-from esea_gen.verify.bounds import derive_bounds, forward_residual, residual_flag
+from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.runs import run_c
@@ -48,19 +44,6 @@ def with_inverse(elbow: Device, *lines: str, old: str = "", new: str = "") -> De
 
 
 # -- choice ---------------------------------------------------------------------------------------
-
-
-def test_the_device_file_chooses(elbow):
-    assert elbow.inverse.name == "inverse"  # no section: exact
-    assert load_device("elbow_drive").inverse.name == "inverse"
-    assert with_inverse(elbow, 'kind = "published"').inverse.name == "inverse_plays"
-    names: tuple[FilterName, ...] = ("a", "a_normalised", "b", "b_normalised", "b_rounding")
-    for name in names:
-        device = with_inverse(elbow, 'kind = "published"', f'filter = "{name}"')
-        assert device.inverse.name == f"inverse_{name}"
-        state = next(p for p in device.inverse.state if p.name == "difference_Nm")
-        assert state.size == len(filter_taps(name))
-    assert with_inverse(elbow, 'kind = "exact"', 'filter = "none"').inverse.name == "inverse"
 
 
 @pytest.mark.parametrize(
@@ -283,14 +266,6 @@ def test_a_system_with_the_exact_inverse_is_verified(inverting):
     assert any(c.residual[0] > 0 for c in result.comparisons)
     content = result.to_dict()
     assert content["comparisons"][0]["residual_limit_Nm"] == pytest.approx(limit)
-
-
-def test_only_the_exact_inverse_is_judged_by_its_residual(elbow):
-    assert residual_flag(exact_inverse(elbow)).name == "NOT_CONVERGED"
-    for block in (elbow.sensor, elbow.velocity, published_inverse(elbow, "b")):
-        assert residual_flag(block) is None
-    assert derive_bounds(elbow, exact_inverse(elbow)) == {}
-    assert set(derive_bounds(elbow, elbow.velocity)) == {"port ranges", "identified domain"}
 
 
 def mutant(device: Device, real: str, change) -> HostLibrary:

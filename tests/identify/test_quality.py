@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from esea_gen.identify import identification as identification_file
-from esea_gen.identify import identify, load_mapping, load_recordings
+from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
-from esea_gen.identify.identified import gate_notes
-from esea_gen.identify.recording.quality import Finding, jumps
+from esea_gen.identify.recording.quality import jumps
 from tests.conftest import ROOT, require_tool
-from tests.rigs import mapped, refused, rig, written
+from tests.rigs import refused, rig, written
 
 DATA = ROOT / "tests" / "data" / "hdrb"
-PERIOD = 'time_column = "t"', 'period_s = { value = VALUE, status = "assumed", source = "why" }'
 
 
 def found(path: Path) -> dict[str, str]:
@@ -183,69 +178,10 @@ def test_sound_recordings_have_no_findings(tmp_path):
 # Which condition judges.
 
 
-def test_with_three_conditions_a_whole_one_judges(tmp_path):
-    amplitudes = [0.05] * 4 + [0.1] * 4 + [0.075] * 4
-    path = written(tmp_path, *rig(*amplitudes))
-    for change, judged in (
-        ((), [False, False, True]),
-        (("[sampling]", '[cycles]\nhold_out = "rig block 2"\n[sampling]'), [False, True, False]),
-    ):
-        mapped(tmp_path, *([change] if change else []))
-        (r,) = load_recordings(load_mapping(path))
-        assert [len(s.held_out) > 0 for s in r.sets] == judged
-        assert all(len(s.training) == 0 for s in r.sets if len(s.held_out))
-    mapped(tmp_path, ("[sampling]", "[cycles]\nhold_out_last = 1\n[sampling]"))
-    (r,) = load_recordings(load_mapping(path))
-    assert all(len(s.training) and len(s.held_out) for s in r.sets)
-    mapped(tmp_path, ("[sampling]", '[cycles]\nhold_out = "rig block 7"\n[sampling]'))
-    said = refused(path)
-    assert "no condition that could be left out" in said
-    assert "rig block 3" in said
-
-
 # Rate terms.
 
 
-def test_rate_terms_that_do_not_help_are_left_out(tmp_path, monkeypatch):
-    """Of the two fits the one with them is made worse here, on held-out data."""
-    require_tool("gcc")
-    real, asked = identification_file.fit_split, []
-
-    def fit(source, recordings, template, tell, how):
-        asked.append(template.rate_terms)
-        bare = identification_file.draft(source, recordings, False)
-        got = real(source, recordings, bare, tell, how)
-        if not template.rate_terms:
-            return got
-        worse = [r.tau_Nm * 0.9 - r.tau_Nm for r in recordings]
-        misfits = got[3].misfits.of("Nm", zip(recordings, worse, strict=True))
-        return (
-            *got[:3],
-            identification_file.Verdict(misfits, got[3].torque_Nm, got[3].omega_rad_s, 0.0),
-        )
-
-    monkeypatch.setattr(identification_file, "fit_split", fit)
-    t, x, y = rig(*(0.1,) * 4)
-    few = "[sampling]", "[search]\npopulation = 16\n[sampling]"
-    rates = "rate_terms = false", "rate_terms = true"
-    result = identify(written(tmp_path, t, x, y, rates, few))
-    assert asked == [False, True]
-    assert not result.device.rate_terms
-    assert "do not help, and are left out" in "\n".join(result.notes)
-    assert "as good or better" in "\n".join(result.notes)
-    assert result.to_dict()["with_rate_terms"]["mean_rms"]["held_out_percent"] > 3
-
-
 # Files.
-
-
-@pytest.mark.parametrize(("kind", "package"), [("hdf5", "h5py"), ("parquet", "pyarrow")])
-def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, kind, package):
-    monkeypatch.setitem(sys.modules, package, None)
-    (tmp_path / "rig.csv").write_bytes({"hdf5": b"\x89HDF\r\n", "parquet": b"PAR1"}[kind])
-    said = refused(mapped(tmp_path, ("[[recording]]", f'[format]\nkind = "{kind}"\n[[recording]]')))
-    assert f"needs {package}, which is not installed" in said
-    assert 'pip install "esea-gen[files]"' in said
 
 
 # What the device file and verification let pass.
@@ -295,15 +231,3 @@ def test_a_torque_recorded_late_is_named_and_put_right(tmp_path, late_ms):
         wanted = 3 * np.sin(np.pi * (t + lead_s))[: len(right.time_s)]
         assert len(t) - len(right.time_s) == late_ms / 10
         np.testing.assert_allclose(right.tau_Nm, wanted, atol=1e-3)
-
-
-@pytest.mark.parametrize("offset_fitted", [True, False])
-def test_an_offset_of_the_model_excuses_an_offset_and_nothing_else(offset_fitted):
-    def notes(*kinds: str) -> str:
-        found = [Finding(k, k, k != "spike") for k in kinds]
-        one = SimpleNamespace(label="first", findings=found)
-        return "\n".join(gate_notes([one], {"offset"} if offset_fitted else ()))
-
-    assert ("Quality gate: offset" in notes("offset", "spike")) is not offset_fitted
-    assert "Quality gate: frozen" in notes("frozen")
-    assert "Quality gate" not in notes("spike")

@@ -68,30 +68,6 @@ def test_each_condition_judges_once_beside_the_files_own_cycles():
         "a": "train", "b": "train", "c": "judge", "d": "judge", "e": "train []"}  # fmt: skip
 
 
-def test_a_condition_that_the_file_holds_out_stands_for_both():
-    made = [recording(data("a", ONLY)), recording(data("b", ONLY)), recording(data("c", JUDGE))]
-    assert told(splits_of(made)) == [("a", False, True), ("b", False, True), ("c", True, True)]
-    more = [*made, recording(data("d", JUDGE))]
-    assert told(splits_of(more)) == [
-        ("as declared", True, False),
-        *[(c, False, True) for c in "abcd"],
-    ]
-    # Beside one that does both it does not stand for the file's own.
-    mixed = [recording(data("a", BOTH)), recording(data("c", JUDGE))]
-    assert told(splits_of(mixed))[0] == ("last cycles", True, False)
-
-
-def test_a_temperature_is_a_condition_and_one_file_is_tried_once():
-    made = [recording(data(k, BOTH), temperature=c) for k, c in (("a", 15.2), ("b", 23), ("c", 23))]
-    splits = splits_of(made)
-    # At 15 degC there is a alone; b and c are 23 degC together, and each alone.
-    assert told(splits)[1:] == [(c, False, True) for c in ("15 degC", "23 degC", "b", "c")]
-    assert used(splits[2].recordings) == {"a": "train", "b": "judge", "c": "judge"}
-    # Without a temperature two names of the same files are both tried.
-    twice = [recording(data("a", BOTH), conditions=("x", "y")), recording(data("b", BOTH))]
-    assert [s.condition for s in splits_of(twice)] == ["last cycles", "x", "y", "b"]
-
-
 def amplitudes(*sizes: float, use=BOTH, **more) -> list[Recording]:
     return [recording(data(k, use, a), **more) for k, a in zip("abcdef", sizes, strict=False)]
 
@@ -148,39 +124,18 @@ def test_replays_of_a_mapping_are_by_its_own_folder_or_another(tmp_path, elbow):
 # Errors.
 
 
-def test_errors_are_by_data_set_and_their_mean_is_over_data_sets():
-    made = [
-        recording(data("a", BOTH), data("b", ONLY)),
-        recording(data("c", JUDGE)),
-    ]
+def test_errors_are_by_data_set_their_mean_over_data_sets_and_in_per_cent_of_full_scale():
+    made = [recording(data("a", BOTH), data("b", ONLY)), recording(data("c", JUDGE))]
     errors = [np.array([3.0, -4.0, -1.0]), np.array([0.0, 0.0, -6.0])]
     found = Misfits.of("Nm", zip(made, errors, strict=True))
-    third = math.sqrt(26 / 3)
     # a: 3 and -4, then -1; b: all three; c: two nothings and 6.
-    assert found.mean_rms(False) == pytest.approx((math.sqrt(12.5) + third) / 2)
-    assert found.mean_rms(True) == pytest.approx((1 + math.sqrt(12)) / 2)
+    trained, judged = (math.sqrt(12.5) + math.sqrt(26 / 3)) / 2, (1 + math.sqrt(12)) / 2
+    assert (found.mean_rms(False), found.mean_rms(True)) == pytest.approx((trained, judged))
     means = found.means(50.0)
-    assert means == pytest.approx(
-        {
-            "training_Nm": (math.sqrt(12.5) + third) / 2,
-            "training_percent": math.sqrt(12.5) + third,
-            "held_out_Nm": (1 + math.sqrt(12)) / 2,
-            "held_out_percent": 1 + math.sqrt(12),
-        }
-    )
-    rows = found.rows(20.0)
-    assert [s.label for s, _ in rows] == ["a", "b", "c"]
-    assert rows[0][1]["training"] == pytest.approx(
-        {
-            "rms_Nm": math.sqrt(12.5),
-            "rms_percent": 5 * math.sqrt(12.5),
-            "max_Nm": 4.0,
-            "max_percent": 20.0,
-        }
-    )
-    assert rows[0][1]["held_out"]["max_percent"] == 5.0
-    assert rows[1][1]["held_out"] is rows[2][1]["training"] is None
-    assert rows[2][1]["held_out"]["max_Nm"] == 6.0
-    none = Misfits.of("rad", [(made[1], errors[1])])
-    assert math.isnan(none.mean_rms(False))
-    assert none.means(1.0)["training_rad"] is none.means(1.0)["training_percent"] is None
+    assert means["training_percent"] == pytest.approx(2 * trained)
+    assert means["held_out_Nm"] == pytest.approx(judged)
+    (_, a), _, (_, c) = found.rows(20.0)
+    rms_Nm = math.sqrt(12.5)
+    told = {"rms_Nm": rms_Nm, "rms_percent": 5 * rms_Nm, "max_Nm": 4.0, "max_percent": 20.0}
+    assert a["training"] == pytest.approx(told)
+    assert (c["training"], c["held_out"]["max_Nm"]) == (None, 6.0)

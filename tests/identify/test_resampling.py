@@ -84,11 +84,6 @@ def test_what_is_said_covers(case):
     assert (seen == 8) if case == "friction" else (seen <= 1)
 
 
-def test_the_friction_that_is_found_is_the_one_that_was_there():
-    _, found, _ = one("friction", 3)
-    assert found.friction_Nm == pytest.approx(0.08, abs=0.015)
-
-
 def test_leaving_out_is_what_fits_without_the_block_give():
     """Against a fit anew for every block, weights of rows included; both levels, their mean."""
     rng = np.random.default_rng(2)
@@ -127,19 +122,3 @@ def test_fewer_blocks_than_parameters_leave_none_without_a_deviation():
     assert np.linalg.eigvalsh(found.covariance).max() < 8 * np.linalg.eigvalsh(plain).max()
     heavy = resampled(j, residual, np.full(300, 3.0), rows, False)
     np.testing.assert_allclose(heavy.covariance, found.covariance, rtol=1e-9)
-
-
-def test_friction_is_sought_with_the_weights_of_the_rows():
-    """Of rows that disagree, the weighted normal equations say how much: none is as good."""
-    rng = np.random.default_rng(12)
-    j, way = rng.normal(size=(240, 2)), np.where(rng.random(240) < 0.5, -1.0, 1.0)
-    weight = np.where(np.arange(240) % 2, 3.0, 0.5)
-    residual = np.where(np.arange(240) % 2, 0.4, 1.0) * way + rng.normal(0, 0.01, 240)
-    rows = FitRows.of([(i, 4, w) for i, w in enumerate(np.split(way, 4))])
-    found = resampled(j, residual, weight, rows, True)
-    more = np.column_stack([j, way])
-    squares = more.T @ (weight[:, None] ** 2 * more)
-    expected = np.linalg.solve(squares, more.T @ (weight**2 * residual))[-1]
-    assert found.friction_Nm == pytest.approx(expected, rel=1e-9)
-    # By hand, of what the way alone explains: the mean of 0.4 and 1 by squares of weights.
-    assert expected == pytest.approx((9 * 0.4 + 0.25 * 1.0) / 9.25, abs=0.02)

@@ -9,78 +9,19 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.drafting import draft
-from esea_gen.identify.published.fit import (
-    SEARCHES,
-    interior_point,
-    search_named,
-    threshold_minima,
-)
+from esea_gen.identify.published.fit import SEARCHES, interior_point, search_named
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.search_problem import Searching, SearchMemo, SearchProblem
-from esea_gen.identify.published.space import Space, bounds_of, parameters_of
+from esea_gen.identify.published.space import Space
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, Tunable, around
-from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
-from esea_gen.model.slopes import sloped
 from esea_gen.report.figures import search_picture
 from tests.benchmarks.identification import KEYS, NumpyPopulation
 from tests.rigs import rig, written
 
 # Slopes of a Block.
-
-
-def powers() -> Block:
-    """y = a^2 s + u |s|^b, s+ = a s + 1 from 0: every derivative is known in closed form."""
-    return Block.define(
-        "powers",
-        "powers",
-        period_s=1e-3,
-        tunables=(
-            Tunable("a", 0.5, 0.0, 1.0, "share kept", "", ""),
-            Tunable("b", 2.0, 0.0, 4.0, "exponent", "", ""),
-        ),
-        coefficients=(Port("square", 0, 1, "a squared"), Port("a", 0, 1, ""), Port("b", 0, 4, "")),
-        prepare=lambda t: {"square": t.a * t.a, "a": t.a, "b": t.b},
-        state=(around("sum_1", 100, "sum"),),
-        inputs=(around("x_1", 100, "input"),),
-        outputs=(around("y_1", 1e6, "output"), around("z_1", 1e6, "another")),
-        step=lambda c, s, u, guard, label: (
-            {"sum_1": c.a * s.sum_1 + 1},
-            {"y_1": c.square * s.sum_1 + u.x_1 * s.sum_1**c.b, "z_1": u.x_1},
-        ),
-    )
-
-
-def test_slopes_of_a_block_in_closed_form():
-    block = sloped(powers(), ("y_1",), ("b", "a"))
-    system = System(
-        "slopes",
-        1e-3,
-        {"slopes": block},
-        (Task("run", ("slopes",)),),
-        {},
-        {"x_1": ("slopes.x_1",)},
-        {"y_1": "slopes.y_1", "slopes": "slopes.slopes"},
-    )
-    a, b, x, steps = 0.7, 1.5, 3.0, 12
-    runner = compile_system(system, "f64").block("slopes")
-    runner.prepare({"a": a, "b": b})
-    out = runner.run({"x_1": np.full(steps, x)}, trace=False)[0]
-    by_b, by_a = out["slopes"].T
-    for k in range(steps):
-        s = sum(a**i for i in range(k))
-        moved = sum(i * a ** (i - 1) for i in range(1, k))
-        assert out["y_1"][k] == pytest.approx(a * a * s + x * s**b, rel=1e-13)
-        assert by_a[k] == pytest.approx(
-            2 * a * s + (a * a + (x * b * s ** (b - 1) if s else 0)) * moved, rel=1e-12
-        )
-        # At s = 0 the logarithm is infinite and its share nothing.
-        assert by_b[k] == pytest.approx(x * s**b * math.log(s) if s else 0.0, rel=1e-12)
 
 
 # The problem: costs, gradients, refinement.
@@ -262,41 +203,7 @@ def test_who_watches_sees_each_improvement_and_the_end(plant):
     assert line.get_ydata() == pytest.approx(best.sets[0][2])
 
 
-def test_minima_along_the_thresholds_are_looked_for_with_the_other_numbers_held():
-    low, high, best = np.array([0.0, 2.0, -7.0]), np.array([1.0, 12.0, 9.0]), [0.9, 5.0, 4.0]
-    asked = []
-
-    def costs(points):
-        asked.append(points)
-        omega, beta, _ = points.T
-        # Valleys at 0.25 and 0.75, the second the deeper; across them least at 8.
-        return np.cos(4 * np.pi * omega) - 0.1 * omega + 0.01 * (beta - 8) ** 2
-
-    problem = SimpleNamespace(low=low, high=high, costs=costs)
-    found = threshold_minima(problem, np.array(best))
-    assert [x[0] for x in found[:2]] == pytest.approx([0.75, 0.25], abs=0.02)
-    assert {x[1] for x in found} == {8.0}  # 2, 4 ... 12
-    assert {x[2] for x in found} == {4.0}
-    points = np.concatenate(asked)
-    assert points.min(axis=0) == pytest.approx([0, 2, 4])
-    assert points.max(axis=0) == pytest.approx([1, 12, 4])
-
-
 # What a search keeps on the disk.
-
-
-def test_numbers_are_kept_in_memory_and_on_the_disk(tmp_path):
-    path = tmp_path / "deep" / "search.db"
-    memo = SearchMemo(path)
-    memo.put([("x", (0.1, -2)), ("y", np.array([1 / 3, 2.0])), ("z", 7)])
-    memo.put([])
-    memo.put([("x", [5.0])])
-    kept = {"x": (5.0,), "y": (1 / 3, 2.0), "z": (7.0,), "none": None}
-    for again in (memo, SearchMemo(path)):
-        assert {n: again.get(n) for n in kept} == kept
-    own = SearchMemo()
-    own.put([("x", (1.5,))])
-    assert own.get("x") == (1.5,)
 
 
 def test_what_is_no_record_is_refused_and_left_as_it_is(tmp_path):
@@ -322,35 +229,7 @@ def test_what_cannot_be_written_is_refused(tmp_path):
 
 # From searched numbers to a file's parameters.
 
-LINEAR = np.array([12.0, 90.0, 40.0, 5.0])
 X = np.array([math.log(0.01), 0.7, math.log(0.5), math.log(20.0), 1.5, math.log(4.0), 0.6])
-
-
-@pytest.mark.parametrize(
-    ("kv", "share", "dropped"),
-    [
-        (5.0, 1e-4, False),
-        (5.0, 0.999e-4, True),
-        (0.0, 0.5, True),
-        (-1.0, 0.5, True),
-        (1e-3, 0.5, False),
-    ],
-)
-def test_a_maxwell_element_that_carries_next_to_nothing_is_left_out(kv, share, dropped):
-    space = Space(True, 0.2, 3.0, 10.0)
-    values, left_out = parameters_of(space, X, np.array([*LINEAR[:3], kv]), share)
-    assert left_out is dropped
-    assert ("kv_Nm_rad" in values) is not dropped
-    # One that was not asked for is not left out.
-    assert parameters_of(Space(False, 0.2, 3.0, 10.0), X[:2], LINEAR[:3], share)[1] is False
-
-
-def test_parameters_are_cut_to_the_files_bounds():
-    space = Space(False, 0.2, 3.0, 10.0)
-    values, _ = parameters_of(space, X[:2], np.array([1e9, -1.0, 40.0]), 0.0)
-    assert values["k1_Nm_rad"] == bounds_of("k1_Nm_rad")[1]
-    assert values["k3_Nm_rad3"] == bounds_of("k3_Nm_rad3")[0]
-    assert values["alpha_Nm_rad"] == 40
 
 
 def test_slopes_of_the_shape_are_those_by_differences():

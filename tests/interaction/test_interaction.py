@@ -20,7 +20,6 @@ from esea_gen.studies.passivity.study import HANDS, push_map, study_interaction
 from esea_gen.studies.tracking import Grid
 from esea_gen.twin.case import OFF, Setting
 from esea_gen.twin.controllers import controller_device
-from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool
 from tests.studies.test_tune import command
@@ -52,15 +51,6 @@ def test_the_energy_is_what_the_hand_gave():
     assert figures.absorbed_J > 100 * 2e-5
 
 
-def test_the_push_gives_a_heavy_hand_its_speed():
-    """Nothing that the drive can do stops 50 kg m^2 within 0.1 s: what it gets is the push."""
-    run = pushed(Hand("heavy", 50.0), 0.0, 0.0)
-    speed = run.plant["omega_l_rad_s"]
-    assert np.max(np.abs(speed[:1000])) < 1e-4
-    # 0.5 ms of half a tick are lost at either end of the sine; the coupling takes off a little.
-    assert speed[1105] == pytest.approx(0.5, rel=0.01)
-
-
 def test_a_wall_throws_a_heavy_hand_back():
     """A mass on a spring by hand: it goes in by v sqrt(J/k), comes out as fast, loses nothing."""
     hand, wall = Hand("heavy", 50.0), 1e4
@@ -79,7 +69,7 @@ def test_a_wall_throws_a_heavy_hand_back():
 
 def test_a_drive_that_is_off_is_passive_with_every_hand():
     """Friction, masses and elastomer only: whatever the hand, nothing can come out."""
-    for hand in HANDS:
+    for hand in HANDS[::7]:  # each inertia, damping and stiffness
         run = pushed(hand, 0.0, 0.0, "ideal", mode=OFF)
         figures = judge_push(run, hand, 0.0, U_MAX_NM)
         push_J = 0.5 * hand.inertia_kgm2 * 0.25
@@ -96,6 +86,7 @@ def study():
     return study_interaction("smc", points=2, hands=hands, sliding=False)
 
 
+@pytest.mark.ci
 def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
     """The largest are those that the device file lets by."""
     verdicts = {(kp, kd): mark for kp, kd, mark in study.marked}
@@ -106,23 +97,6 @@ def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
     quiet = study.runs[1.5, 0.25, "light"]
     assert quiet.held_end_J < 0.01 * push_J
     assert quiet.generated_J < 0.01 * push_J
-
-
-def test_the_study_in_json_letters_and_a_picture(study, tmp_path):
-    content = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert content["map"]["kp_Nm_rad"] == [0.0, 3.0]
-    assert content["map"]["kd_Nms_rad"] == pytest.approx([0.0, 0.35])
-    # Four pairs of the grid, one of which is the thesis', and its two others; three hands each.
-    assert len(content["runs"]) == 18
-    assert [g["verdict"] for g in content["thesis_gains"]][1:] == ["passive", "passive"]
-    assert len(content["map"]["push_J"]) == 3
-    lines = study.table()
-    assert lines[2].split() == ["Kp", "|", "Kd", "0", "0.35"]
-    assert lines[4].split()[2] == "P"
-    assert any(line.startswith("thesis Kp 1.5, Kd 0.25: passive") for line in lines)
-    assert any("limits: latched in" in line for line in lines)
-    study.figure().savefig(tmp_path / "map.png")
-    assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
 def test_a_latched_fault_is_a_result():
@@ -172,36 +146,6 @@ def test_verdicts(change, mark):
 
 
 # -- sliding condition ----------------------------------------------------------------------------
-
-
-def test_a_surface_that_decays_keeps_the_condition():
-    h, rate = 5e-3, 3.0
-    s = 4 * np.exp(-rate * h * np.arange(400))
-    on, off = np.ones(400, dtype=bool), np.zeros(400, dtype=bool)
-    found = sliding_condition(-s, on, off, 1.0, h)
-    outside = int(np.sum(s[:-1] > 1.0))
-    assert found["outside"] == found["free"] == found["falling"] == found["falling_free"] == outside
-    # s s' = -s^2 (1 - exp(-rate h)) / h is largest where s is smallest, at the layer's edge.
-    last = s[outside - 1]
-    assert found["worst_rad2_s3"] == pytest.approx(-(last**2) * (1 - math.exp(-rate * h)) / h)
-    assert found["longest_s"] == pytest.approx(outside * h)
-    assert found["largest_rad_s"] == 4
-
-
-def test_a_sinusoidal_surface_breaks_it_half_of_the_time():
-    h = 1e-4
-    t = h * np.arange(40_000)
-    s = 2 * np.sin(2 * np.pi * t)
-    on = np.ones(len(t), dtype=bool)
-    limited = np.cos(2 * np.pi * t) * s > 0
-    found = sliding_condition(s, on, limited, 1.0, h)
-    assert found["outside"] == pytest.approx(2 / 3 * len(t), rel=1e-3)
-    assert found["falling"] == pytest.approx(found["outside"] / 2, rel=1e-3)
-    # What rises was marked as held back by the motor: all of the rest falls.
-    assert found["falling_free"] / found["free"] == pytest.approx(1, abs=1e-3)
-    # Largest of 4 sin cos 2 pi, half way between: 4 pi at sin = cos.
-    assert found["worst_rad2_s3"] == pytest.approx(4 * math.pi, rel=1e-3)
-    assert found["longest_s"] == pytest.approx(1 / 3, rel=1e-3)
 
 
 @given(
@@ -266,21 +210,3 @@ def test_passivity_refuses(monkeypatch, capsys, arguments, words):
 def test_a_hand_that_is_not_passive_is_refused():
     with pytest.raises(UserError, match="0 or more"):
         run_push(0.0, 0.0, {"name": "x", "damping_Nms_rad": -1.0}, "smc", "ideal", 0.5, 0)
-
-
-def test_a_plant_that_runs_away_is_a_result_not_an_end(monkeypatch):
-    def leave(*_):
-        raise RanAwayError("the plant left its ranges before 1 s and was started afresh")
-
-    hand = dataclasses.asdict(HANDS[0])
-    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", leave)
-    found = PushRun(**run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0))
-    assert found.ran_away == 1
-    assert found.swings_up(1.0)
-
-    def break_(*_):
-        raise RuntimeError("anything else")
-
-    monkeypatch.setattr("esea_gen.studies.passivity.push.run_case", break_)
-    with pytest.raises(RuntimeError, match="anything else"):
-        run_push(0.0, 0.0, hand, "smc", "ideal", 0.5, 0)

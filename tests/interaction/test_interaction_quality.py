@@ -13,31 +13,15 @@ import pytest
 from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import main
-from esea_host.interaction import analysis
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.comments import read_comments
 from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
-from esea_host.interaction.loading import (
-    LoadingProtocol,
-    analyse_loading,
-)
-from esea_host.interaction.published import (
-    TABLE_6_2,
-    TABLE_6_3,
-    could_have_seen,
-    reread,
-)
+from esea_host.interaction.loading import LoadingProtocol, analyse_loading
+from esea_host.interaction.published import TABLE_6_2, TABLE_6_3, could_have_seen, reread
 from esea_host.interaction.recordings import read_manifest
-from esea_host.interaction.rig import (
-    ELEMENTS,
-    PUBLISHED_NM_DEG,
-    element_device,
-    simulated_loading,
-)
-from esea_host.interaction.survey import (
-    read_survey,
-)
+from esea_host.interaction.rig import ELEMENTS, PUBLISHED_NM_DEG, element_device, simulated_loading
+from esea_host.interaction.survey import read_survey
 from esea_host.interaction.words import lines
 from tests.browser import browser, readable
 
@@ -186,34 +170,6 @@ def test_group_bs_sign_flips(tmp_path):
     assert (control.test, control.mean, control.p_holm) == (None, 0.0, 1.0)
     assert found.questions[0].counts == (0, 1, 0, 1, 1)
     json.dumps(files.stamped("host-survey", found.to_dict()), allow_nan=False)
-
-
-def test_two_coders(tmp_path):
-    path = tmp_path / "comments.csv"
-    rows = ["comment,element,coder,theme,tone"]
-    for i in range(8):
-        element = "spring" if i < 4 else "elastomer"
-        rows.append(f"c{i},{element},one,{'smoothness' if i % 2 else 'linearity'},positive")
-        theme = "linearity" if i == 3 else ("smoothness" if i % 2 else "linearity")
-        rows.append(f"c{i},{element},two,{theme},{'negative' if i == 4 else 'positive'}")
-    path.write_text("\n".join(rows) + "\n")
-    found = read_comments(path)
-    assert found.comments == 8
-    # Smoothness: 4 and 3 of 8, 7 agree: (7/8 - 1/2) / (1 - 1/2).
-    assert found.theme_agreement["smoothness"].kappa == pytest.approx(0.75)
-    assert found.counts["one"]["spring"]["smoothness"]["positive"] == 2
-    files.stamped("host-comments", found.to_dict())
-    assert found.counts["two"]["elastomer"]["linearity"]["negative"] == 1
-    assert found.disagreed == ("c3", "c4")
-    json.dumps(found.to_dict(), allow_nan=False)
-    # Table 6.5, typed from the page: three positive and three negative on the ease of either.
-    table = found.to_dict()["published"]
-    assert table["spring"]["ease of movement"] == {"positive": 3, "negative": 3, "neutral": 0}
-    assert table["elastomer"]["nonlinearity"] == {"positive": 0, "negative": 0, "neutral": 1}
-    assert [t["neutral"] for t in table["spring"].values()] == [0, 0, 4, 0, 3]
-    lines = found.lines()
-    assert "    ease of movement   3/3/0   3/3/0" in lines
-    assert "    linearity          3/0/0   1/1/0" in lines  # comments 0, 2, 3; 4, 6
 
 
 HEADER = "participant,group,comfort,naturalness,control,effort\n"
@@ -390,15 +346,6 @@ def test_folders_that_are_refused(folder, tmp_path, monkeypatch, capsys, old, ne
     assert words in " ".join(error.split())
 
 
-def test_a_simulated_recording_makes_the_folder_so(folder, tmp_path):
-    copy = changed(folder, tmp_path, "simulated = true", "simulated = false")
-    assert not analyse_interaction(copy).simulated
-    one = copy / "p0_1_tracking.csv"
-    one.write_text("# simulated\n" + one.read_text())
-    with pytest.raises(UserError, match=r"p0_1_tracking.csv says that it is simulated"):
-        analyse_interaction(copy)
-
-
 def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, capsys):
     copy = changed(folder, tmp_path, "simulated", "simulated")
     path = copy / "p3_2_tracking.csv"
@@ -419,18 +366,6 @@ def test_people_with_one_element_are_named(folder, tmp_path):
     assert left.left_out == ("p7 (tracking)",)
     assert len(left.people) == 7
     assert read_manifest(copy).last_s == 45.0
-
-
-def test_analysis_names_what_it_could_not_do(folder, monkeypatch):
-    """A mixed model that fails is a note beside the other numbers, not an end."""
-
-    def fail(*_):
-        raise analysis.NoStatisticError("The mixed model: singular.", "Look.")
-
-    monkeypatch.setattr(analysis, "mixed_model", fail)
-    found = analyse_interaction(folder).comparisons[0]
-    assert found.mixed is None
-    assert "singular" in found.notes[0]
 
 
 def test_own_data(tmp_path, monkeypatch, capsys):
@@ -471,32 +406,3 @@ def test_own_data(tmp_path, monkeypatch, capsys):
     code, _, error = command(monkeypatch, capsys, "smoothness", path, "--column", "none")
     assert code == 2
     assert "no column" in error
-
-
-def test_the_other_commands(tmp_path, monkeypatch, capsys):
-    theta, tau = driven()
-    curve = tmp_path / "curve.csv"
-    np.savetxt(
-        curve, np.column_stack([theta, tau]), "%.9g", ",", header="theta_rad,tau_Nm", comments=""
-    )
-    picture, content = tmp_path / "c.png", tmp_path / "c.json"
-    arguments = ("analyse", "loading", curve, "--figure", picture, "--json", content)
-    code, shown, _ = command(monkeypatch, capsys, *arguments)
-    assert code == 0
-    assert "loading stiffness" in shown
-    assert picture.stat().st_size > 5000
-    assert json.loads(content.read_text())["stiffness_Nm_rad"] > 2.8
-    words = ("analyse", "power", "--people", 10, "--json", content)
-    code, shown, _ = command(monkeypatch, capsys, *words)
-    assert code == 0
-    assert "1.02 standard deviations" in shown
-    assert json.loads(content.read_text())["schema"] == "host-power"
-    for bad in (
-        ("analyse", "power", "--people", 1),
-        ("analyse", "loading", curve, "--figure", tmp_path / "c.txt"),
-        ("analyse", "survey", tmp_path / "none.csv"),
-        ("analyse", "comments", curve),
-    ):
-        code, shown, error = command(monkeypatch, capsys, *bad)
-        assert (code, shown) == (2, "")
-        assert "Traceback" not in error

@@ -8,8 +8,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from joblib import parallel_config
 from scipy.integrate import solve_ivp
 
@@ -21,21 +19,14 @@ from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
 from esea_host.interaction.recordings import read_angle, read_manifest
 from esea_host.interaction.rig import HANDLE_KGM2, ElementRig, RigPlayer
-from esea_host.interaction.virtual import (
-    PROTOCOL,
-    RigSource,
-    run_crossover,
-    write_manifest,
-)
+from esea_host.interaction.virtual import PROTOCOL, RigSource, run_crossover, write_manifest
 from esea_host.interaction.words import lines
 from esea_host.people.person import Limb, PersonModel, person
-from esea_host.statistics import standardised_difference
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Scene
-from esea_host.study.session import replay
 from esea_host.study.task import Situation, TaskBrokenError, task_named
 from tests.conftest import require_tool
 
@@ -51,14 +42,6 @@ def begun(name, seed=1, **given_):
 
 
 # -- tasks ----------------------------------------------------------------------------------------
-
-
-def test_the_target_is_equation_6_1():
-    for t in (0.0, 0.3, 1.0, 7.7):
-        expected = sum(0.04 * math.sin(2 * math.pi * f * t) for f in (0.1, 0.2, 0.4, 0.5))
-        assert tasks.tracked_rad(t) == pytest.approx(expected, abs=1e-15)
-    assert tasks.tracked_rad(10.0) == pytest.approx(0.0, abs=1e-12)  # it repeats
-    assert tasks.familiar_rad(1.25) == pytest.approx(math.radians(10))
 
 
 def test_the_paddle_is_its_equation():
@@ -79,16 +62,6 @@ def test_the_paddle_is_its_equation():
         assert found.speed_1_s == pytest.approx(exact.y[1, -1], rel=1e-7)
     # Nearly x' = 90.9 F after a few milliseconds.
     assert once.speed_1_s == pytest.approx(90.909 * force, rel=1e-4)
-
-
-@given(st.floats(-0.5, 0.5), st.floats(1e-6, 0.1), st.integers(1, 7))
-def test_a_step_may_be_cut_anywhere(force, step, parts):
-    whole = tasks.paddle_step(tasks.Paddle(0.1, 2.0), force, step)
-    piece = tasks.Paddle(0.1, 2.0)
-    for _ in range(parts):
-        piece = tasks.paddle_step(piece, force, step / parts)
-    assert piece.x == pytest.approx(whole.x, abs=1e-12)
-    assert piece.speed_1_s == pytest.approx(whole.speed_1_s, abs=1e-10)
 
 
 def played(seed=1, until_s=40.0, hand=None, step_s=STEP_S):
@@ -122,19 +95,6 @@ def test_a_good_player_saves_more_and_the_game_replays():
     assert row["seconds"] == pytest.approx(40.0)
     assert played(3, hand=chase)[1] == good
     assert played(4)[1].state != still.state
-
-
-def test_the_ball_does_not_pass_through_a_wall_at_a_late_step():
-    """A second in one step, or in a hundred and ten: the same place."""
-    task, state = begun("pong")
-    hand = {"theta_rad": 0.0}
-    one = task.step(state, 0.0, hand).state
-    whole = task.step(one, 1.1, hand).state
-    piece = one
-    for k in range(1, 111):
-        piece = task.step(piece, k * 0.01, hand).state
-    assert whole.ball_x == pytest.approx(piece.ball_x, abs=1e-9)
-    assert whole.ball_y == pytest.approx(piece.ball_y, abs=1e-9)
 
 
 def test_a_lost_paddle_is_recentred_on_request():
@@ -374,14 +334,6 @@ def test_recordings_are_the_encoder_at_1_kHz(studied):
     assert (studied / entry.participant / "session-1" / "encoder-1.csv").exists()
 
 
-def test_a_virtual_session_replays_to_the_same_scenes(studied):
-    study = StudyFolder.open(studied)
-    for _, _, path in study.sessions():
-        found = list(replay(path))
-        assert len(found) == 3 * 800
-        assert all(same for _, _, same in found)
-
-
 @pytest.mark.ci
 def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
     found = analyse_interaction(studied)
@@ -427,19 +379,6 @@ def test_a_person_who_stopped_early_is_left_out_by_name(studied, tmp_path):
         analyse_interaction(folder)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--participants", "1"), "at least 2"),
-        (("--participants", "2", "--report", "page.txt"), "ends in .html"),
-    ],
-)
-def test_the_command_refuses(monkeypatch, capsys, arguments, words):
-    code, shown, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *arguments)
-    assert (code, shown) == (2, "")
-    assert words in error
-
-
 @pytest.mark.ci
 def test_the_command(monkeypatch, capsys, tmp_path, gcc):
     monkeypatch.setattr("esea_host.interaction.virtual.interaction_protocol", short)
@@ -450,10 +389,3 @@ def test_the_command(monkeypatch, capsys, tmp_path, gcc):
     assert (code, error) == (0, "1 of 2 simulated participants\n2 of 2 simulated participants\n")
     assert "SIMULATED: no person took part" in shown
     assert json.loads(answer.read_text())["simulated"] is True
-
-
-def test_two_people_who_agree_too_well():
-    """A difference of 110 standard errors: scipy's noncentral t is no number on the way."""
-    found = standardised_difference([1.0, 1.018])
-    assert found.dz_low < found.dz < found.dz_high
-    assert all(math.isfinite(x) for x in (found.dz_low, found.dz_high))

@@ -163,27 +163,6 @@ def test_the_guard_and_the_counters(sorters):
         assert list(states["n_invalid"]) == [1, 1]
 
 
-def test_run_of_the_executor_goes_on_from_its_state(sorters):
-    programs, made = sorters
-    x = np.random.default_rng(0).uniform(-9, 9, (5, 7))
-    simulator, runner = programs[True].simulator(), made[True, "f64"]
-    runner.prepare({})
-    y, states = simulator.run({"x": x})
-    c, c_states = runner.run({"x": x})
-    assert np.array_equal(y["y"], c["y"])
-    assert np.array_equal(states["so_far"], c_states["so_far"])
-    simulator.reset()
-    assert simulator.state["so_far"] == 2.0
-    simulator.state = {"so_far": 7.0}
-    assert simulator.step(x=np.arange(7.0))["total"] == 7.0
-    with pytest.raises(TypeError, match="takes"):
-        simulator.step(z=1.0)
-    with pytest.raises(ValueError, match="outside"):
-        programs[True].simulator({"sense": 2.0})
-    with pytest.raises(ValueError, match="no tunable"):
-        programs[True].simulator({"sens": 1.0})
-
-
 def test_loops_carry_their_totals(sorters):
     programs, _ = sorters
     totals = loop_totals(programs[False])

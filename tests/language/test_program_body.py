@@ -1,24 +1,15 @@
-"""The body of a Program, statement by statement: what each does, by small sums done by hand."""
+"""The body of a Program: exits, bounds of loops and places, and what does not fit its ports."""
 
 from __future__ import annotations
-
-import re
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.language.builder import Builder, declare_ports
-from esea_gen.language.ports import Port, Tunable
+from esea_gen.language.ports import Port
 from esea_gen.language.program import Program
-from esea_gen.language.statements import (
-    Ix,
-    Memory,
-    ProgramError,
-    Ref,
-)
+from esea_gen.language.statements import Ix, Memory, ProgramError, Ref
 
 X, Y = Port("x", -9.0, 9.0, "in", 3), Port("y", -1e4, 1e4, "out", 4)
 
@@ -101,21 +92,6 @@ def test_places_outside_an_array_are_told():
                 y_of(b)
 
 
-def test_kernels_read_all_and_then_write_by_their_strides():
-    b = body()
-    y, x = b.memory["out.y"], b.memory["in.x"]
-    a = b.array("a", 6)
-    with b.part("step"):
-        with b.loop(0, 6) as i:
-            put(b, a[i])
-        b.call("copy", [x[:]], [a[1:3:2]], lambda v: v)  # 0 1 0 2 0 3
-        b.call("turn", [a[1:3]], [a[0:3]], lambda v: v[::-1])  # 1 0 2 | over 2 0 1
-        b.call("pair", [a[0:2:5], a[3]], [y[0:2], y[2:2]], lambda p, q: (p, ca.vertcat(q, 2 * q)))
-    assert b.memory["a"].size == 6
-    # a is 2 0 1 2 0 3.
-    assert y_of(b) == [2.0, 3.0, 2.0, 4.0]
-
-
 def broken(change) -> Program:
     b = body()
     y = b.memory["out.y"]
@@ -139,10 +115,7 @@ def broken(change) -> Program:
             for n in ("in.x", "t", "n")
         ),
         (lambda b: put_into(b, Ref("gone", Ix(0), 1)), "p: no array gone"),
-        (
-            lambda b: put_into(b, b.memory["out.y"][0], [Ref("lost", Ix(0), 1)]),
-            "p: no array lost",
-        ),
+        (lambda b: put_into(b, b.memory["out.y"][0], [Ref("lost", Ix(0), 1)]), "p: no array lost"),
     ],
 )
 def test_a_body_that_does_not_fit_its_ports_is_refused(change, words):
@@ -153,28 +126,3 @@ def test_a_body_that_does_not_fit_its_ports_is_refused(change, words):
 def put_into(b: Builder, place: Ref, plus=()) -> None:
     with b.part("deep"), b.loop(0, 2), b.when((0, "<", 1)):
         put(b, place, 0.0, plus)
-
-
-def test_casadis_own_c_is_that_of_a_programs_kernels():
-    b = body()
-    y, x = b.memory["out.y"], b.memory["in.x"]
-    with b.part("step"):
-        b.call("twice", [x[0]], [y[0]], lambda v: 2 * v)
-        put(b, y[1], 3.0)
-    tuned = {
-        "tunables": (Tunable("gain", 1.0, 0.0, 9.0, "made up"),),
-        "coefficients": (Port("c", -9.0, 9.0, "made up"),),
-        "prepare": lambda t: {"c": 2 * t.gain},
-    }
-    fixed = made(b)
-    declare_ports(b, "coeffs", tuned["coefficients"])
-    other = made(b, **tuned)
-    for program, verbs in ((fixed, []), (other, ["prepare"])):
-        found = casadi_c(SimpleNamespace(name="small", kinds=[program]))
-        stem = "esea_small_casadi"
-        assert list(found) == [f"reference/{stem}.c", f"reference/{stem}.h"]
-        text = found[f"reference/{stem}.h"]
-        assert set(re.findall(rf"^int {stem}_p_(\w+)\(const", text, re.MULTILINE)) == {
-            *("init", "k1_twice", "k2_put3", *verbs)
-        }
-        assert f"int {stem}_p_k1_twice(const" in found[f"reference/{stem}.c"]

@@ -50,10 +50,11 @@ def compile_and_run(folder, files, main):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     (folder / "program.c").write_text(main)
-    sources = [n for n in files if n.endswith(".c") and n != "main.c"]
+    binding = "esea_elbow_link.c"
+    sources = [n for n in files if n.endswith(".c") and n not in ("main.c", binding)]
     # The warnings are for the binding; those of the control files are tested with these.
-    checked = [*CFLAGS, "-isystem", "mavlink", "-I.", "-c", "program.c"]
-    linked = ["-std=c99", "program.o", *sources, "-o", "program"]
+    checked = [*CFLAGS, "-isystem", "mavlink", "-I.", "-c", "program.c", binding]
+    linked = ["-std=c99", "program.o", "esea_elbow_link.o", *sources, "-o", "program"]
     for arguments in (checked, linked):
         command = ["gcc", *arguments]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

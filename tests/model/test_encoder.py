@@ -18,8 +18,6 @@ from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts
-from esea_gen.model.joint import deflection
-from esea_gen.verify.bounds import derive_bounds
 from tests.conftest import require_tool
 
 BITS = {
@@ -239,16 +237,6 @@ def test_the_joint_angle_through_turns_at_the_speed_limit(name):
     assert not np.any(got["status"][3:])
 
 
-@pytest.mark.parametrize("bits", [8, 12, 14, 20, 24])
-def test_the_derived_f32_bound_holds_for_any_number_of_steps(bits):
-    device = make(bits, ZEROED)
-    bounds = derive_bounds(device, encoder(device, "motor"))
-    bound = bounds["port ranges"]
-    assert math.isinf(bound.steps)
-    assert 1e-6 < bound.outputs["theta_rad"] < 1e-5
-    assert not any(bound.states.values())  # counters are exact
-
-
 # -- single faults ----------------------------------------------------------------------------
 
 
@@ -432,40 +420,3 @@ def test_what_cannot_be_told_apart_is_refused():
 
 
 # -- the emitted C ------------------------------------------------------------------------------
-
-
-def test_both_encoders_feed_the_deflection():
-    require_tool("gcc")
-    device = make(14, f"zero_rad = {q(0.5)}", f"zero_rad = {q(-1.0)}\ndirection = {q(-1)}")
-    blocks = {b.name: b for b in (encoder(device, "motor"), encoder(device, "load"))}
-    blocks["joint"] = deflection(device)
-    wires = {}
-    for side in ("motor", "load"):
-        wires[f"joint.theta_{side}_rad"] = f"encoder_{side}.theta_rad"
-        wires[f"joint.{side}_usable"] = f"encoder_{side}.usable"
-    inputs = {
-        f"{side}_{port}": (f"encoder_{side}.{port}",)
-        for side in ("motor", "load")
-        for port in ("count", "frame_error")
-    }
-    inputs["agree"] = ("joint.agree",)
-    outputs = {"theta_rad": "joint.theta_rad", "sensing_ok": "joint.sensing_ok"}
-    tasks = (Task("read", tuple(blocks)),)
-    system = System(device.name, device.period_s, blocks, tasks, wires, inputs, outputs)
-    t = np.arange(3000) * 1e-3
-    load = 1.2 + 1.5 * np.sin(TURN * 0.5 * t)
-    motor = load + 0.2 * np.sin(TURN * 1.3 * t)
-    full = 2**14
-    stream = {
-        "motor_count": np.floor((motor + 0.5) / TURN * full) % full,
-        "load_count": np.floor(-(load - 1.0) / TURN * full) % full,
-        "motor_frame_error": 0 * t,
-        "load_frame_error": 0 * t,
-        "agree": np.where((t >= 2.0) & (t < 2.1), 0.0, 1.0),
-    }
-    stream["load_frame_error"][1000:1010] = FrameError.FIELD_STRONG
-    got, _ = compile_system(system, "f32").task("read").run(stream, trace=False)
-    ok = got["sensing_ok"] == 1
-    assert np.max(np.abs(got["theta_rad"] - (motor - load))[3:1000]) < 2.01 * TURN / full
-    # Three frames are bridged, the rest and three of settling are not.
-    assert np.flatnonzero(~ok).tolist() == [0, 1, 2, *range(1003, 1013), *range(2000, 2100)]

@@ -18,7 +18,7 @@ from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.identify.family.fit import members
 from esea_gen.identify.family.identification import family_device as device_of
 from esea_gen.language.system import System, Task
-from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
+from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_sensor, unit_terms
 from esea_gen.model.rubber import fitted_of
@@ -115,23 +115,6 @@ def test_a_slip_forgets_along_its_path():
     back = -length + (top + length) * np.exp(-(0.8 - x[400:]) / length)
     assert np.abs(z[:401] - length * (1 - np.exp(-x[:401] / length))).max() < 1e-8
     assert np.abs(z[400:] - back).max() < 2e-8
-
-
-def test_softening_by_strain_and_by_path():
-    """Each factor is that of the step before; the path counts beyond a band."""
-    x = path_of([0.5, -0.2, 1.0], 50)
-    strain, path = Softening("strain", 0.3), Softening("path", 8.0)
-    plain, by_strain, by_path = terms_over(softened([Term("spring", LINEAR)], strain, path), x).T
-    reached = np.maximum.accumulate(np.abs(x))
-    before = np.concatenate([[0.0], reached[:-1]])
-    assert np.abs(plain - x).max() == 0
-    assert np.abs(by_strain - x / (1 + before / 0.3)).max() < 1e-12
-    band, travelled = 0.0, [0.0]
-    for value in x:
-        new = min(max(band, value - 0.02), value + 0.02)
-        travelled.append(travelled[-1] + abs(new - band))
-        band = new
-    assert np.abs(by_path - x * np.exp(-np.array(travelled[:-1]) / 8)).max() < 1e-6
 
 
 def test_flicker_between_two_counts_does_not_soften():

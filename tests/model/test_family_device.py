@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 
 import numpy as np
@@ -15,12 +14,10 @@ from esea_gen.device import Device, load_device, parse_device
 from esea_gen.devices.schema import json_schema
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
-from esea_gen.identify.family.choice import ModelChoice
 from esea_gen.identify.family.fit import members
 from esea_gen.identify.family.identification import family_device, family_section, identify_member
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, stiffness_range_Nm_rad
-from esea_gen.report.identification import identification_page
 from esea_gen.verify.bounds import bounds_or_rule
 from tests.conftest import ROOT, require_tool
 from tests.devices.test_devices import conforms
@@ -226,35 +223,6 @@ def test_a_bound_that_says_nothing_of_the_torque_fails(elbow, monkeypatch):
     monkeypatch.setattr("esea_gen.verify.bounds.MOST_TORQUE_SHARE", 1e-9)
     with pytest.raises(UserError, match=r"% of full scale, above its limit 1e-07 %"):
         bounds_or_rule(rig, rig.sensor)
-
-
-@pytest.mark.ci
-def test_its_page_has_the_terms(hdrb):
-    page = identification_page(hdrb)
-    assert "Terms of the torque model" in page
-    assert "--model &#34;slips, worn&#34;" in page
-    assert page.count("slip of x^3, path") == 3
-
-
-def test_the_command_compares_and_writes_the_chosen_one(tmp_path, monkeypatch):
-    require_tool("gcc")
-    asked = []
-
-    class Chosen:
-        chosen, rows = "slips, strain", ()
-        choice = ModelChoice(chosen, chosen, None, ("why",))
-
-    monkeypatch.setattr(
-        "esea_gen.identify.family.compare.compare", lambda *a, **_: asked.append(a) or Chosen
-    )
-    monkeypatch.setattr("esea_gen.cli.identification.show", lambda *a: None)
-    monkeypatch.setattr("esea_gen.report.identification.identification_page", lambda r: "page")
-    given = ["identify", str(DATA / "hdrb.toml"), "--compare", "--out", str(tmp_path)]
-    run = CliRunner().invoke(app, given)
-    assert run.exit_code == 0, run.output
-    assert len(asked) == 1
-    assert load_device(tmp_path / "hdrb.toml").file.family.member == "slips, strain"
-    assert json.loads((tmp_path / "hdrb.json").read_text())["choice"]["reasons"] == ["why"]
 
 
 @pytest.mark.parametrize(

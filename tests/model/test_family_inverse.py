@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from types import SimpleNamespace
 
 import casadi as ca
@@ -23,7 +22,6 @@ from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_step
 from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
-from esea_gen.model.temperature import TemperatureFactor
 from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream, states_before
 from esea_gen.verify.runs import run_symbolic
@@ -113,17 +111,6 @@ def test_the_slope_is_that_of_the_torque(name, devices):
     assert Tried(devices[name], 0.8).worst_slope() < 1e-6  # a warm rubber
 
 
-def test_the_first_samples_slope_is_that_at_the_worst_temperature():
-    warm = TemperatureFactor(20.0, -0.02, 10.0, 30.0)  # 1.2 to 0.8
-    for spring, worst in ((LINEAR, 0.8), (Rise("bend", 0.08), 1.2)):
-        term = Term("spring", spring, softening=Softening("strain", 0.3))
-        fitted = FittedMember(Member("one", "one", (term,)), 0.2, (2.0,))
-        own = fitted.first_slope_Nm_rad(0.2)
-        assert (own > 0) is (spring is LINEAR)
-        hot = dataclasses.replace(fitted, temperature=warm)
-        assert hot.first_slope_Nm_rad(0.2) == pytest.approx(worst * own)
-
-
 @pytest.mark.parametrize("name", MEMBERS)
 def test_nothing_follows_the_set_point_faster_or_slower_than_said(name, devices):
     """Secants from one memory: what the error analysis carries a set-point's error with."""
@@ -141,41 +128,6 @@ def test_nothing_follows_the_set_point_faster_or_slower_than_said(name, devices)
     assert min(first) >= solved.slope * (1 - 1e-9)
     least = fitted_of(device).least_slope_Nm_rad(tried.model.theta_lim)
     assert min(later) >= least * (1 - 1e-9)
-
-
-def test_a_slip_that_turns_back_follows_twice_as_far(devices):
-    """Dahl's friction at its end: dz/dq = 1 - sign z/L is 2 where q turns back."""
-    tried = Tried(devices["more"])
-    at, h = tried.model.theta_lim - 1e-4, 1e-7
-    memory = {p.name: np.zeros(p.size) for p in tried.ports} | {"primed": np.ones(1)}
-    memory["theta_prev_rad"] = np.array([at])
-    memory["slip"] = -np.array([e.number for e in tried.model.of["slip"]])
-    place = 2 + [p.name for p in tried.ports].index("slip")
-    near, far = (tried.run(*memory.values(), at + k * h)[place] for k in (1, 2))
-    steepest = float(np.max(np.array(far - near))) / h
-    said = tried.model.state_slopes()["slip"]
-    drive = max(
-        float(ca.evalf(tried.model.drive(e, (at + h) / 0.2) - tried.model.drive(e, at / 0.2))) / h
-        for e in tried.model.of["slip"]
-    )
-    assert steepest == pytest.approx(2 * drive, rel=1e-3)
-    assert steepest <= said < 1.01 * steepest
-
-
-def test_a_first_sample_may_rise_less_than_any_other(devices):
-    """Worked out for x d(x) with d = 1/(1 + x/a): d^2; and a bend's fall beyond sqrt(a b)."""
-    strain = Softening("strain", 0.3)
-    alone = FittedMember(Member("a", "a", (Term("spring", LINEAR, softening=strain),)), 0.2, (3.0,))
-    assert alone.least_slope_Nm_rad(0.3) == pytest.approx(3 / 0.2 / 6)
-    assert alone.first_slope_Nm_rad(0.3) == pytest.approx(3 / 0.2 / 36)
-    bend = (Term("spring", Rise("bend", 0.08), softening=strain),)
-    bent = FittedMember(Member("b", "b", bend), 0.2, (1.0,))
-    x = np.linspace(1e-6, 1.5, 300001)
-    slope = np.diff(x / (1 + x / 0.08) / (1 + x / 0.3)) / np.diff(x) / 0.2
-    assert slope.min() < 0
-    assert bent.first_slope_Nm_rad(0.3) <= slope.min()
-    near = x[1:] < 0.15  # sqrt(a b) is 0.155
-    assert bent.first_slope_Nm_rad(0.03) == pytest.approx(slope[near].min(), abs=1e-4)
 
 
 def test_without_a_least_slope_no_error_is_claimed(devices):

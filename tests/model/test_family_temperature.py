@@ -21,11 +21,11 @@ from esea_gen.export.model import block_model
 from esea_gen.hostlib.library import compile_device
 from esea_gen.identify.family.identification import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
-from esea_gen.model.rubber import fitted_of, rubber_inverse, stiffness_range_Nm_rad
+from esea_gen.model.rubber import fitted_of, rubber_inverse
 from esea_gen.model.temperature import TemperatureFactor
 from tests.conftest import require_tool
 from tests.control.test_predictive import situation
-from tests.control.test_predictive_family import FamilyPlain, both
+from tests.control.test_predictive_family import FamilyPlain
 from tests.devices.test_devices import conforms
 from tests.model.test_family import path_of
 from tests.model.test_family_device import EVERY, drive, refused
@@ -124,18 +124,6 @@ def test_the_inverse_is_that_of_the_sensor_at_the_same_temperature(warm, by_hand
     assert np.abs(hand["theta_rad"] - points["theta_rad"]).max() < 1e-4
 
 
-def test_slopes_and_torques_are_those_of_the_worst_temperature(warm, elbow):
-    """Least and largest factor of 10 to 40 degC: 0.932 and 1.052; the offset has none."""
-    cold = family_device(elbow, EVERY, "drawn")
-    bare, here = fitted_of(cold), fitted_of(warm)
-    assert here.least_slope_Nm_rad(0.2) == pytest.approx(0.932 * bare.least_slope_Nm_rad(0.2))
-    assert here.most_slope_Nm_rad(0.2) == pytest.approx(1.052 * bare.most_slope_Nm_rad(0.2))
-    most = 1.052 * (bare.most_Nm(0.2) + OFFSET_Nm) - OFFSET_Nm
-    assert here.most_Nm(0.2) == pytest.approx(most)
-    soft, stiff = stiffness_range_Nm_rad(cold)
-    assert stiffness_range_Nm_rad(warm) == pytest.approx((0.932 * soft, 1.052 * stiff))
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_prediction_is_that_of_the_weights_by_hand(warm, by_hand, seed):
     """Gradient, Hessian and plan of the controller, at 31 degC and with the weights at 31 degC."""
@@ -155,16 +143,6 @@ def test_the_prediction_is_that_of_the_weights_by_hand(warm, by_hand, seed):
         size = np.abs(hand).max()
         assert np.abs(hot - hand).max() < 1e-9 * size
         assert np.abs(usual - hand).max() > 1e-4 * size  # armed
-
-
-def test_the_prediction_is_what_the_sensor_says(warm):
-    """Along a known motion at 31 degC, as at the reference."""
-    device = parse_device(drive(warm, "elbow_mpc"), "mine.toml")
-    mine, sensed_Nm = both(device, 0.005, 0.005, 3, temperature_C=AT_C)
-    assert np.ptp(sensed_Nm) > 0.5
-    assert mine == pytest.approx(sensed_Nm, abs=1e-12)
-    usual, _ = both(device, 0.005, 0.005, 3)
-    assert np.abs(usual - mine).max() > 0.01  # armed
 
 
 # Energy.
@@ -257,12 +235,3 @@ def test_a_wrong_factor_is_refused_with_its_place(warm, was, now, parts):
     said = refused(text.replace(was, now))
     for part in parts:
         assert part in said, said
-
-
-@pytest.mark.parametrize(
-    "numbers",
-    [(50.0, -0.004, 10.0, 40.0), (23.0, -0.004, 23.0, 23.0), (23.0, 0.1, 10.0, 40.0)],
-)
-def test_a_factor_that_holds_nowhere_cannot_be_made(numbers):
-    with pytest.raises(ValueError, match=r"."):
-        TemperatureFactor(*numbers)

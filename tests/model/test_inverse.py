@@ -10,13 +10,12 @@ from scipy.optimize import brentq
 
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, HostLibrary, compile_device, compile_system
+from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
 from esea_gen.language.stream import single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse, inverse_system
-from esea_gen.model.published_inverse import published_inverse
 from esea_gen.studies.uncertainty.motions import SIGNALS
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P
@@ -96,7 +95,7 @@ def history(pieces, seed: int) -> np.ndarray:
 
 @pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(HISTORY, st.integers(0, 99))
 def test_forward_of_inverse_is_the_request(pairs, real, pieces, seed):
     pair = pairs[real]
@@ -198,37 +197,6 @@ def test_the_set_point_is_the_root_that_bisection_finds(elbow):
         assert y["theta_rad"] == pytest.approx(root, abs=1e-12)
 
 
-def random_memory(rng: np.random.Generator, theta: float) -> dict:
-    """A memory that some history leads to: nested play states round the deflection."""
-    play, last = [], theta
-    for _ in range(10):
-        last += rng.uniform(-1, 1) * P["omega"]
-        play.append(last)
-    return {
-        "theta_prev_rad": [theta],
-        "play_rad": np.array(play),
-        "tau_r_Nm": [rng.uniform(-3, 3)],
-    }
-
-
-def test_torque_rises_strictly_with_deflection():
-    # Named domain: |theta| <= 0.35 rad, any memory, |rate| <= 25 rad/s.  docs/inverse.md argues a
-    # slope of at least k1 everywhere; inside one step's reach the Maxwell element adds its own.
-    rng = np.random.default_rng(11)
-    slowest = {"anywhere": np.inf, "identified": np.inf}
-    for _ in range(3000):
-        wide = rng.random() < 0.5
-        theta = rng.uniform(-0.35, 0.35) if wide else rng.uniform(-0.2, 0.2)
-        omega = rng.uniform(-25, 25) if wide else rng.uniform(-1.075, 1.075)
-        memory = random_memory(rng, theta)
-        where = np.sort(rng.uniform(-0.35, 0.35, 2)) if wide else theta + np.array([-1e-3, 1e-3])
-        low, high = (torque(float(x), memory, omega, 1e-3) for x in where)
-        name = "anywhere" if wide else "identified"
-        slowest[name] = min(slowest[name], (high - low) / (where[1] - where[0]))
-    assert slowest["anywhere"] > P["k1"]
-    assert slowest["identified"] > 30
-
-
 @pytest.mark.ci
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_dead_zone(elbow, real):
@@ -267,11 +235,3 @@ def test_cubic_root():
     assert float(ca.Function("f", [x], [cubic_root(239.0, 9.39, x)])(4.5)) == pytest.approx(
         0.2175, abs=5e-5
     )
-
-
-def test_one_system_runs_several(elbow):
-    require_tool("gcc")
-    blocks = (exact_inverse(elbow), published_inverse(elbow), published_inverse(elbow, "a"))
-    library: HostLibrary = compile_system(inverse_system(elbow, *blocks), "f32")
-    out, _ = library.task("invert").run({"tau_Nm": np.linspace(0, 1, 50)})
-    assert {"theta_rad", "theta_plays_rad", "theta_a_rad", "inverse_status"} <= set(out)

@@ -1,4 +1,4 @@
-"""The observers typed a second time in NumPy, from the equations of docs/control.md."""
+"""The drive's disturbance and the cable's gap typed a second time, from docs/control.md."""
 
 from __future__ import annotations
 
@@ -9,21 +9,13 @@ import pytest
 from numpy import abs, clip, exp, tanh, where
 
 from esea_gen.observe.cable import cable_observer
-from esea_gen.observe.disturbance import (
-    drive_observer,
-    drive_observer_by_gear,
-    gear_observer,
-)
-from esea_gen.observe.extrapolation import parabola
-from esea_gen.observe.human import extended_state, lag_observer
-from esea_gen.observe.rates import motor_rate
+from esea_gen.observe.disturbance import drive_observer, drive_observer_by_gear, gear_observer
 from tests.single_steps import COUNT, Steps, word
 
 H = 1e-3
 # Of elbow_drive.toml, typed again.
-N, J, FV, FC, WIDTH, TAU_C, U, JH, TAU = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.221, 0.22, 20
+N, J, FV, FC, WIDTH, TAU_C, U, TAU = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.221, 20
 D_MOST = N * U / J
-LOW, HIGH = -0.6 - 0.35, 3.0 + 0.35  # the joint's travel and a deflection
 
 
 def range_of(block, name: str) -> float:
@@ -85,102 +77,6 @@ def test_a_step_of_the_drives_disturbance(drive, which):
     assert range_of(run.block, "d4_rad_s2") == pytest.approx(D_MOST)
 
 
-def test_a_step_of_the_persons_torque_by_a_lag(drive):
-    """(5.10): a lag of bandwidth L behind J_h omega' - tau_e."""
-    run = Steps(lag_observer(drive))
-    s, u, share = run.s, run.u, 1 - exp(-H * run.t.bandwidth_1_s)
-    np.testing.assert_allclose(run.c.share, share, atol=1e-12)
-    left = JH * (u.omega_load_rad_s - s.omega_last_rad_s) / H - (u.tau_Nm + s.tau_last_Nm) / 2
-    moved = (1 - share) * s.tau_h_Nm + share * left
-    ready = run.ok & (s.primed != 0)
-    tau_h = where(ready, clip(moved, -20, 20), s.tau_h_Nm)
-    run.compare(
-        {
-            "next_primed": run.ok,
-            "next_omega_last_rad_s": u.omega_load_rad_s,
-            "next_tau_last_Nm": u.tau_Nm,
-            "next_tau_h_Nm": tau_h,
-            "y_tau_h_Nm": tau_h,
-            "y_status": word(~run.ok, ~run.whole, ready & (abs(moved) > 20)),
-        }
-    )
-
-
-def test_a_step_of_the_extended_state_observer(drive):
-    """[eso 1] to [eso 9], and how far a prediction without samples may go."""
-    run = Steps(extended_state(drive))
-    s, u, decay_s = run.s, run.u, run.t.decay_s
-    assert (run.block.tunables[0].low, run.block.tunables[0].high) == pytest.approx((0.06, 1.5))
-    rate_most = 2 * 20 / 0.06
-    np.testing.assert_allclose(run.c.keep, exp(-H / decay_s))
-    np.testing.assert_allclose(run.c.reach_s, decay_s * (1 - exp(-H / decay_s)))
-    expected_angle = where(s.primed != 0, s.theta_rad, u.theta_load_rad)
-    nu = where(run.ok, u.theta_load_rad - expected_angle, 0)
-    theta = expected_angle + 0.179 * nu
-    raw = s.omega_rad_s + 17.7 * nu, s.tau_h_Nm + 209 * nu, s.rate_Nm_s + 3234 * nu
-    most = 12, 20, rate_most
-    omega, tau_h, rate = (clip(x, -m, m) for x, m in zip(raw, most, strict=True))
-    gained = H * (u.tau_Nm + tau_h) / JH
-    ahead, omega_next = theta + H * (omega + gained / 2), omega + gained
-    # Room beyond the range: what a step at the largest rate and torque adds over gain_theta.
-    moved = H * (12 + 0.5 * H * (20 + 20) / JH)
-    room = 1.01 * moved / 0.179
-    low, high = LOW - room, HIGH + room
-    above, below = ahead > high, ahead < low
-    omega_next = where(above, np.minimum(omega_next, 0), omega_next)
-    omega_next = where(below, np.maximum(omega_next, 0), omega_next)
-    start = (s.primed != 0) | run.ok
-    clipped = [abs(x) > m for x, m in zip(raw, most, strict=True)]
-    run.compare(
-        {
-            "next_primed": start,
-            "next_theta_rad": clip(ahead, low, high),
-            "next_omega_rad_s": where(start, omega_next, 0),
-            "next_tau_h_Nm": where(start, tau_h + run.c.reach_s * rate, 0),
-            "next_rate_Nm_s": where(start, run.c.keep * rate, 0),
-            "next_tau_last_Nm": u.tau_Nm,
-            "y_tau_h_Nm": tau_h,
-            "y_tau_h_rate_Nm_s": rate,
-            "y_omega_load_rad_s": omega,
-            "y_theta_load_est_rad": theta,
-            "y_status": word(~run.ok, ~run.whole, *clipped, above | below),
-        },
-        near=np.minimum(abs(ahead - low), abs(ahead - high)) < 1e-6,
-    )
-    most_gain = H * 40 / JH
-    assert 12 + most_gain < range_of(run.block, "omega_rad_s") < 1.0011 * (12 + most_gain)
-    # Both the state and the output have this name: a step's growth is the state's room.
-    (tau_room,) = [p.high for p in run.block.state if p.name == "tau_h_Nm"]
-    assert tau_room == pytest.approx(1.001 * (20 + H * rate_most))
-
-
-def test_a_step_of_the_rates_filter(drive):
-    """Two trapezoidal state-variable sections at Butterworth's dampings; the difference first."""
-    run = Steps(motor_rate(drive))
-    s, u = run.s, run.u
-    g = np.tan(np.pi * H * run.t.cutoff_Hz)
-    raw = where(s.primed != 0, (u.theta_rad - s.theta_last_rad) / H, s.omega_held_rad_s)
-    reach = 0.05 * (HIGH - LOW) / H
-    value, following = clip(raw, -reach, reach), []
-    for state, angle in ((s.first_rad_s, np.pi / 8), (s.second_rad_s, 3 * np.pi / 8)):
-        k = 2 * np.cos(angle)
-        band = (state[0] + g * (value - state[1])) / (1 + g * (g + k))
-        value = state[1] + g * band
-        following.append(np.array([2 * band - state[0], 2 * value - state[1]]))
-    held = where(run.ok, value, s.omega_held_rad_s)
-    run.compare(
-        {
-            "next_primed": run.ok,
-            "next_theta_last_rad": u.theta_rad,
-            "next_omega_held_rad_s": held,
-            "next_first_rad_s": where(run.ok, following[0], s.first_rad_s),
-            "next_second_rad_s": where(run.ok, following[1], s.second_rad_s),
-            "y_omega_rad_s": clip(held, -12, 12),
-            "y_status": word(~run.ok, ~run.whole, run.ok & (abs(raw) > reach), abs(held) > 12),
-        }
-    )
-
-
 def test_a_step_of_the_cables_gap(drive):
     """[cable 1] to [cable 6], decided by torque, by what was shown, and by where the gear is."""
 
@@ -238,24 +134,5 @@ def test_a_step_of_the_cables_gap(drive):
             "y_give_rad_Nm": give,
             "y_gap_rad": gap,
             "y_status": word(~run.ok, ~run.whole, ~ok),
-        }
-    )
-
-
-def test_a_step_of_the_parabola(drive):
-    """Least squares through 11 values 50 ms apart: NumPy's polynomial fit, at the newest."""
-    run = Steps(parabola(drive))
-    s, u, past = run.s, run.u, [run.s.last_Nm, *run.s.past_Nm]
-    kept = np.array([u.tau_h_Nm, *(where(s.primed != 0, x, u.tau_h_Nm) for x in past)])
-    curve, rate, now = np.polyfit(-0.05 * np.arange(11), kept[::10], 2)
-    run.compare(
-        {
-            "next_primed": (s.primed != 0) | run.ok,
-            "next_last_Nm": kept[0],
-            "next_past_Nm": kept[1:-1],
-            "y_tau_h_fit_Nm": clip(now, -20, 20),
-            "y_tau_h_rate_Nm_s": rate,
-            "y_tau_h_curve_Nm_s2": 2 * curve,
-            "y_status": word(~run.ok, ~run.whole, abs(now) > 20),
         }
     )

@@ -18,12 +18,7 @@ from esea_gen.language.stream import single
 from esea_gen.language.system import System, Task
 from esea_gen.observe.disturbance import bandwidth_limit_1_s, drive_observer
 from esea_gen.observe.human import error_matrix, extended_state, lag_observer
-from esea_gen.observe.rates import (
-    STATE_ROOM,
-    filter_delay_s,
-    load_rate,
-    motor_rate,
-)
+from esea_gen.observe.rates import STATE_ROOM, filter_delay_s, load_rate, motor_rate
 from tests.conftest import require_tool
 
 H = 1e-3

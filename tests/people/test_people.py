@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_host.people.control import FRAME_S, AxisBelief, AxisController, effort_weight
+from esea_host.people.control import FRAME_S, AxisController
 from esea_host.people.person import Limb, Muscle, PersonModel
 
 HANDLE_KGM2 = 0.006
@@ -81,13 +81,6 @@ def test_nothing_moves_before_the_delays(delay_s, goal_deg):
     assert torques[-1] != 0.0
 
 
-@given(bits_s=st.floats(3.0, 6.0), drag_Nms_rad=st.floats(0.0, 1.2))
-@settings(max_examples=10, deadline=None)
-def test_more_accuracy_a_second_takes_less_care_of_effort(bits_s, drag_Nms_rad):
-    load = AxisBelief(0.009, 0.8, 0.03 + drag_Nms_rad)
-    assert effort_weight(load, bits_s + 0.5) < effort_weight(load, bits_s)
-
-
 @pytest.mark.parametrize("limb", LIMBS)
 @pytest.mark.parametrize("way", [-1, 1])
 def test_a_target_that_runs_away_is_caught_by_who_knows_it(limb, way):
@@ -120,9 +113,3 @@ def test_a_device_that_resists_is_got_used_to():
         plant.frame()
     assert plant.who.resists_Nms_rad[True] == pytest.approx(0.8, abs=0.2)
     assert plant.who.resists_Nms_rad[False] == 0.0
-
-
-def test_the_same_seed_is_the_same_motion_bit_for_bit():
-    runs = [Plant(PersonModel(), LIMBS[0], seed=s).chase(lambda *_: 0.3, 1.0) for s in (1, 1, 2)]
-    assert np.array_equal(runs[0], runs[1])
-    assert not np.array_equal(runs[0], runs[2])

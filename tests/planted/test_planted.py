@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import ast
 import json
-import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
-
 from .__main__ import main
 from .campaign import mutate_python
 from .edits import PythonFaults
-from .entered import entering
-from .near import Importers, near_tests
 
 pytestmark = pytest.mark.ci
 
@@ -145,81 +137,3 @@ def test_the_command_says_who_noticed_and_what_nobody_did(checkout, capsys, monk
     again = mutate_python(checkout, [what], seed=5, jobs=2)
     assert again.score == told["score"]
     assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before
-
-
-def test_tests_that_enter_the_function_are_asked_first(checkout, monkeypatch):
-    """Recorded once; a record of a test file that has changed since is left out."""
-    (checkout / "tests/planted").mkdir()
-    for name in ("__init__.py", "entered.py"):
-        shutil.copy(Path(__file__).with_name(name), checkout / "tests/planted")
-    # Nearer by import than what calls the function, and longer to look at.
-    far = "from esea_gen.small.twice import f\n\ndef test_far():\n    assert f() == 3.0\n"
-    (checkout / "tests/test_far.py").write_text(far)
-    call = "from esea_gen.small.sums import clipped\n\ndef f():\n    return clipped(1.0)\n"
-    (checkout / "esea_gen/small/twice.py").write_text(call)
-    monkeypatch.setenv("PYTHONPATH", str(checkout))
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.planted.entered"]
-    subprocess.run(command, cwd=checkout, capture_output=True, check=False)
-    known = entering(checkout)
-    label = "esea_gen/small/sums.py:label"
-    assert set(known[label]) == {"tests/test_sums.py::test_committed_label"}
-    assert "tests/test_far.py::test_far" in known["esea_gen/small/sums.py:clipped"]
-    for f in mutate_python(checkout, ["esea_gen/small/sums.py"], sample=6, seed=5).found:
-        assert f.mutant.function in ("", "clipped", "label")
-        if f.mutant.function == "clipped" and f.fate == "killed":
-            assert f.noticed_by in known["esea_gen/small/sums.py:clipped"]
-    (checkout / "tests/test_sums.py").write_text(TEST + "\n")
-    assert label not in entering(checkout)
-
-
-def test_what_is_emitted_is_compared_where_it_follows_from_a_source():
-    graph = Importers(ROOT)
-    assert graph.emits(Path("esea_gen/model/sensing.py"))
-    assert not graph.emits(Path("esea_gen/twin/people.py"))
-
-
-@pytest.mark.slow
-def test_a_fault_that_does_not_end_is_ended_and_counts_as_noticed(checkout):
-    source = checkout / "esea_gen/small/sums.py"
-    source.write_text("def ends(n):\n    while n:\n        n -= 1\n")
-    (checkout / "tests/test_sums.py").write_text(
-        "from esea_gen.small.sums import ends\n\ndef test_ends():\n    ends(3)\n"
-    )
-    report = mutate_python(checkout, ["esea_gen/small/sums.py"], limit_s=8)
-    fates = {f.mutant.kind: f.fate for f in report.found}
-    assert fates["deleted statement"] == "no end"
-    assert fates["not"] == "survived"  # nothing looks at what it gives
-
-
-def test_the_nearest_tests_by_import_come_first_and_so_many_more(checkout):
-    # sums <- twice <- a test; sums <- shared <- a test; a test that bears the source's name.
-    files = {
-        "esea_gen/small/twice.py": "def f():\n    from esea_gen.small import sums\n",
-        "tests/test_other.py": "from tests.shared import clipped\n",
-        "tests/test_twice.py": "import esea_gen.small.twice\n" + "#\n" * 99,
-        "tests/test_apart.py": "import esea_gen\n",
-        "tests/test_traces.py": "import esea_gen.small.sums\n",  # of committed output
-        "tests/shared.py": "from esea_gen.small.sums import clipped\n",
-    }
-    for name, text in files.items():
-        (checkout / name).write_text(text)
-    graph, source = Importers(checkout), Path("esea_gen/small/sums.py")
-    near = near_tests(graph, source, independent=True)
-    assert near == [f"tests/test_{n}.py" for n in ("sums", "other", "twice")]
-    every_test = near_tests(graph, source, independent=False, widen=9)
-    assert set(every_test) - set(near) == {"tests/test_traces.py"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["nowhere"], "no room or file 'nowhere'"),
-        (["small:none"], "'small:none': no number of faults"),
-        (["esea_gen/small/alone.py"], "No test imports esea_gen.small.alone"),
-        (["esea_gen/small/sums.py:1", "--tests", "tests/test_none.py"], "do not pass without"),
-    ],
-)
-def test_what_cannot_be_asked_is_refused(checkout, monkeypatch, arguments, said):
-    monkeypatch.chdir(checkout)
-    with pytest.raises(SystemExit, match=re.escape(said)):
-        main(arguments)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import tempfile
-import threading
 from functools import cache
 from pathlib import Path
 
@@ -18,19 +17,14 @@ from esea_gen.board.emulator import run_tasks_in_emulator
 from esea_gen.board.firmware import build_firmware
 from esea_gen.cache import cache_folder
 from esea_gen.devices.file import shipped_devices
-from esea_gen.emit.dialect import load_dialect
 from esea_gen.export.fmu import check_fmu, every_platform, make_fmu
 from esea_gen.export.model import block_model, controller_model
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import compile_sources, zig
-from esea_gen.link.session import Session
-from esea_gen.link.transport import TcpTransport
 from esea_gen.targets import PLATFORMS
 from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.program import program_streams
 from esea_gen.verify.streams import streams
-from esea_host.simulated.moteus import MoteusJoint, serve_drive
-from esea_host.simulated.server import Terminal
 from tests.conftest import require_module, require_tool
 
 pytestmark = [pytest.mark.platforms, pytest.mark.ci]
@@ -223,33 +217,6 @@ def test_the_daemon_of_a_64_bit_arm_gives_the_hosts_bits(folder):
     results = run_tasks_in_emulator(device, image, record_drive(device, 200).inputs)
     assert {t: r.steps for t, r in results.items()} == {"sense": 200, "control": 40}
     assert all(r.identical and r.hash_matches for r in results.values())
-
-
-@pytest.mark.slow
-def test_the_daemon_of_a_64_bit_arm_reads_an_emulated_drive(folder):
-    """Settings, encoders, mode; to drive the motor too, qemu would have to keep the clock."""
-    require_tool("qemu-aarch64")
-    require_module("moteus")
-    device, over, line = esea_gen.load_device("elbow_drive"), threading.Event(), Terminal()
-    image = build_firmware(device, "raspberry-pi", folder)
-    drive = threading.Thread(target=serve_drive, args=(MoteusJoint(device.name), line, over.is_set))
-    drive.start()
-    command = ["qemu-aarch64", image.elf, "tcp:0", "--drive", f"serial:{line.name}"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as board:
-        try:
-            port = int(board.stderr.readline().rpartition(":")[2])
-            session = Session(TcpTransport(port, "127.0.0.1"), load_dialect(device), 30.0)
-            assert session.info().board == "linux-sim"
-            session.close()
-            board.terminate()
-            said = board.stderr.read()
-        finally:
-            board.kill()
-            over.set()
-            drive.join()
-            line.close()
-    assert "motor side of the coupling from encoder 2" in said
-    assert re.search(r"drive: mode 0, fault 0 .* 24\.0 V", said)
 
 
 @pytest.mark.parametrize("words", ["verify elbow", "simulate step", "demo"])

@@ -143,14 +143,17 @@ def prove_firmware(
     """Analyse a part of the hand-written C, one of ``PARTS``."""
     of = PARTS[part]
     files = _sources(device)
-    link = f"'-DESEA_LINK_HEADER=\"esea_{device.name}_link.h\"'"
+    link = [
+        f"'-DESEA_{name}=\"esea_{device.name}_link.{suffix}\"'"
+        for name, suffix in (("LINK_HEADER", "h"), ("BINDING", "c"))
+    ]
     options = [("-warn-special-float", "none"), *of.options.items()]
     if of.taken:
         options.append(("-eva-use-spec", ",".join(of.taken)))
     alarms, unproven, reached = analysed(
         files,
         (of.driver, *of.sources),
-        (*of.defines, link),
+        (*of.defines, *link),
         [word for option in options for word in option],
         change,
         folders=("mavlink",),

@@ -78,11 +78,11 @@ FAULTS = {
     "released in any mode": ("release", _in("release", r"&& \w+(?= && \(u_command)", "&& 1")),
     "clip of the command left out": (
         "command_within_compiled",
-        _everywhere(r"= esea_\w*min\((\w+), u_max\w*\)", r"= \1"),
+        _everywhere(r"esea_\w*min\((\w+), u_max\w*\)", r"\1"),
     ),
     "clip of the command doubled": (
         "command_within_narrowed",
-        _everywhere(r"= esea_\w*min\((\w+), u_max(\w*)\)", r"= esea_m2(\1, u_max\2)"),
+        _everywhere(r"esea_\w*min\((\w+), u_max(\w*)\)", r"esea_m2(\1, u_max\2)"),
     ),
     "a cause is left out": ("shown_cause", _in("cause", r"\|\| stopped(?= )", "")),
     "the last cause is left out": ("energy shown_cause", _in("cause", r"\s*\|\|\s*\w+$", "")),

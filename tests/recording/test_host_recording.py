@@ -18,14 +18,7 @@ from mcap.reader import make_reader
 
 import esea_host
 from esea_gen.errors import UserError
-from esea_host.recording import (
-    Gap,
-    GapError,
-    Recorder,
-    RecordingState,
-    StreamColumn,
-    StreamLayout,
-)
+from esea_host.recording import Gap, GapError, Recorder, RecordingState, StreamColumn, StreamLayout
 from tests.conftest import ROOT
 from tests.fuzz.hostile import bomb, foreign_recording
 
@@ -224,7 +217,7 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
-@pytest.mark.parametrize("limit_bytes", [pytest.param(7000, marks=pytest.mark.ci), 100_001])
+@pytest.mark.parametrize("limit_bytes", [7000, pytest.param(100_001, marks=pytest.mark.ci)])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
     path = tmp_path / "a.mcap"

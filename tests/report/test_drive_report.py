@@ -178,46 +178,6 @@ def test_a_failure_turns_the_banner(findings, how):
     assert [x.startswith("FAILED: ") for x in (code, does)] == [not ended, ended]
 
 
-def at(torque, frequency, followed):
-    figures = {"rms_true_Nm": 0.05, "command_above_20Hz_Nm": 0.003}
-    figures |= {"noise_above_5Hz_Nm": 0.009, "rate_limited_share": 0.02}
-    return {"torque_Nm": torque, "frequency_Hz": frequency, "followed": followed} | figures
-
-
-@pytest.mark.parametrize(
-    ("lost", "said"),
-    [
-        (
-            (),
-            "The drive reaches 2 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, noise above 5 Hz 9.0 mNm)",
-        ),
-        (
-            {(2, 1)},
-            "The drive reaches 2 of 2 Nm up to 0.5 Hz (RMS error 0.05 Nm, "
-            "noise above 5 Hz 9.0 mNm)",
-        ),
-        ({(1, 0.5)}, "The drive follows no torque of its 2 Nm at 0.5 Hz"),
-        (
-            {(2, 0.5)},
-            "The drive reaches 1 of 2 Nm up to 1 Hz (RMS error 0.05 Nm, noise above 5 Hz 9.0 mNm)",
-        ),
-    ],
-)
-def test_the_second_verdict_counts_what_is_followed_below_and_before(findings, lost, said):
-    points = [at(t, f, (t, f) not in lost) for f in (0.5, 1) for t in (1, 2)]
-    known = replace(findings, reach=tuple(points), device=Ranged(findings.device))
-    text = reach.verdict(known)["text"]
-    more = ", 1 Nm up to 1 Hz" if lost == {(2, 1)} else ""
-    assert text == said + more
-
-
-class Ranged:
-    """A device of 2 Nm."""
-
-    def __init__(self, device):
-        self.axes, self.tau_full_scale_Nm = device.axes, 2.0
-
-
 def test_a_drive_that_errs_by_a_fifth_does_not_reach(monkeypatch, elbow_drive):
     """Armed: the same run with a limit below its error."""
     monkeypatch.setattr(reach, "SHARES", (0.5,))
@@ -245,25 +205,6 @@ def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monk
     (expected,) = simulate("tuning", Setting(str(printed))).cases()
     (elbows,) = findings.yardsticks["tuning"].cases()
     assert case["rms_true_Nm"] == expected["rms_true_Nm"] != elbows["rms_true_Nm"]
-
-
-def test_nothing_stands_beside_where_the_published_law_does_not_go(tmp_path, findings):
-    # Its observer's filter is made for 1 kHz; the thesis' figures are of the elbow's drive.
-    own = tmp_path / "slow.toml"
-    own.write_text(
-        'schema = 1\nextends = "elbow_drive"\nname = "slow"\ntitle = "Slow"\n[timing]\n'
-        'sense_rate_Hz = { value = 2000, status = "assumed", source = "a test" }\n'
-    )
-    assert "2000 Hz" in drive.no_yardstick(load_device(own))
-    assert drive.no_yardstick(load_device("elbow_drive")) == ""
-    alone = replace(findings, yardsticks={}, device=load_device(own))
-    (row, *_) = alone.to_dict()["experiments"]
-    assert row["rms_true_Nm"] is not None
-    assert row["printed_rms_true_Nm"] is row["thesis_rms_Nm"] is row["ratio"] is None
-    assert "as published" not in " ".join(drive.summary(alone)[:1])
-    assert any("2000 Hz" in note for note in alone.to_dict()["notes"])
-    (row, *_) = findings.to_dict()["experiments"]
-    assert row["thesis_rms_Nm"] is not None
 
 
 @pytest.mark.slow

@@ -27,7 +27,6 @@ from esea_gen.verify import equivalence
 from esea_gen.verify.streams import streams
 from tests.browser import browser, readable
 from tests.conftest import ROOT, require_tool
-from tests.html_tables import figure, table_of
 
 pytestmark = pytest.mark.ci
 
@@ -365,60 +364,3 @@ def test_pages_are_read_on_a_telephone_by_day_and_by_night(
     with browser(tmp_path / "profile") as b:
         for text in (chirped_page, recorded_page, identification_page(identification)):
             readable(b, text, tmp_path)
-
-
-def close(text: str, expected: float, digits: int = 2) -> None:
-    """A cell says this, to the digits that cells have."""
-    assert figure(text) == pytest.approx(expected, rel=0.6 * 10.0 ** (1 - digits)), text
-
-
-def test_per_cent_of_the_identifications_tables(identification):
-    html = identification_page(identification)
-    content = identification.to_dict()
-    full = content["full_scale_Nm"]
-    specimen = table_of(html, "asymmetry, %", "softening, %")
-    head, rows = specimen[0], specimen[1:]
-    at = {name: head.index(name) for name in head}
-    assert len(rows) == len(content["sets"])
-    for row, s in zip(rows, content["sets"], strict=True):
-        first, last = (figure(row[at[k]]) for k in ("loss of first cycle, J", "of last cycle, J"))
-        # The per cent follow from the columns beside them: 100 less what is left of the loss.
-        assert figure(row[at["softening, %"]]) == pytest.approx(100 - 100 * last / first, abs=1)
-        assert 10 < figure(row[at["softening, %"]]) < 30
-        close(row[at["asymmetry, %"]], 100 * s["asymmetry"])
-    errors = table_of(html, "RMS, N·m", "RMS, %", "largest, %")
-    columns = [i for i, name in enumerate(errors[0]) if name == "RMS, N·m"]
-    assert len(columns) == 2
-    named = {s["label"] for s in content["sets"]}
-    told = [row for row in errors[1:] if row[0] in named]
-    assert len(told) == len(named)
-    for row in told:
-        for i in columns:
-            close(row[i + 1], 100 * figure(row[i]) / full)
-            assert figure(row[i + 1]) < figure(row[i + 2]) < 100
-    parameters = table_of(html, "parameter", "± standard deviation")
-    shares = 0
-    for row in parameters[1:]:
-        share = re.search(r"\((.*) %\)", row[2])
-        if share:
-            shares += 1
-            close(share[1], 100 * abs(figure(row[2]) / figure(row[1])))
-    assert shares >= 3
-
-
-def test_per_cent_of_full_scale_of_the_sensing_page(chirped, chirped_page):
-    full = chirped.verification.full_scale
-    # Full scales are the device's own: the torque's is that of its identified domain.
-    assert full["tau_Nm"] == pytest.approx(chirped.device.tau_full_scale_Nm)
-    whole = table_of(chirped_page, "largest error", "% FS", "output")
-    rows = [dict(zip(whole[0], row, strict=True)) for row in whole[1:]]
-    tau = [r for r in rows if r["output"] == "tau_Nm"]
-    assert tau
-    for r in rows:
-        if figure(r["largest error"]):
-            close(r["% FS"], 100 * figure(r["largest error"]) / full[r["output"]])
-    bounds = table_of(chirped_page, "bound", "% FS", "worst seen")
-    said = [dict(zip(bounds[0], row, strict=True)) for row in bounds[1:]]
-    assert len(said) >= 4
-    for r in said:
-        close(r["% FS"], 100 * figure(r["bound"]) / full[r["output"]])

@@ -9,18 +9,10 @@ import numpy as np
 import pytest
 
 from esea_gen.report import figures
-from esea_gen.report.figures import Curve, loops, over_time, plots
-from tests.drawn_figures import legend, line, lines, spans
+from esea_gen.report.figures import Curve, loops, over_time
+from tests.drawn_figures import line, lines, spans
 
 FULL_SCALE_NM = 4.47
-
-
-@pytest.fixture
-def shown(monkeypatch):
-    """The figures that are drawn, before they become text."""
-    kept = []
-    monkeypatch.setattr(figures, "svg", lambda f, *names: kept.append(f) or "")
-    return kept
 
 
 def curve(label="a", n=400, parts=None, **changes):
@@ -48,41 +40,6 @@ def test_every_data_set_has_a_panel_and_nothing_is_hidden():
     assert len(figures.recorded(whole, np.zeros(10)).parts) == 1
 
 
-def test_recordings_of_one_loop_each_share_a_figure(shown):
-    one, other = curve(), curve("b", model_Nm=-2.0 * np.ones(400))
-    assert [p["shared"] for p in plots([one], FULL_SCALE_NM, [None])] == [False]
-    shown.clear()
-    pair = plots([one, other], FULL_SCALE_NM, [None, None])
-    assert [(p["shared"], p["parts"]) for p in pair] == [(True, 2)] * 2
-    # Both loops in the first figure, each from its own samples; then each over time.
-    assert len(shown) == 3
-    model = [lines(a)["C, float32"][2] for a in shown[0].axes if a.get_visible()]
-    assert max(model[0]) == pytest.approx(3.0, abs=0.001)
-    assert set(model[1]) == {-2.0}
-    halves = (("up", np.arange(200)), ("down", np.arange(200, 400)))
-    apart = plots([one, replace(other, parts=halves)], FULL_SCALE_NM, [None, None])
-    assert [(p["shared"], p["parts"]) for p in apart] == [(False, 1), (False, 2)]
-    many = curve(parts=tuple((str(k), np.arange(40)) for k in range(20)))
-    (row,) = plots([many], FULL_SCALE_NM, [None])
-    assert row["drawn"] < row["parts"] == 20
-
-
-def test_a_loop_lifts_its_pen_between_cycles_and_at_what_was_held_out():
-    at = np.concatenate([np.arange(4), np.arange(40, 44)])  # two cycles, far apart
-    figure = loops(curve(n=60, parts=(("a set", at),), held_out=np.arange(60) >= 42), 1000)
-    drawn = lines(figure.axes[0])
-    assert list(drawn) == ["measured", "C, float32", "C, float32, held out"] == legend(figure)
-    gaps = {k: np.flatnonzero(np.isnan(y)).tolist() for k, (_, _, y) in drawn.items()}
-    assert list(gaps.values()) == [[4], [4, 7, 8], [0, 1, 2, 3, 4, 5, 6]]
-
-
-def test_loops_are_in_degrees_with_the_parts_of_the_torque_beside():
-    loop, parts = loops(curve(components=(("spring", 2.0 * np.ones(400)),)), 10_000).axes
-    for axes, name in ((loop, "C, float32"), (parts, "spring")):
-        assert max(lines(axes)[name][1]) == pytest.approx(10.0, rel=1e-3)
-    assert set(lines(parts)["spring"][2]) == {2.0}
-
-
 @pytest.mark.parametrize("n", [4000, 40_000])
 def test_a_page_stays_small_and_keeps_peaks(n):
     spike = curve(n=n)
@@ -107,29 +64,3 @@ def test_torque_its_error_and_its_rounding_stand_in_the_unit_of_their_axis():
     t = c.time_s
     assert spans(torque) == spans(error) == pytest.approx(np.array([(t[5], t[7]), (t[20], t[20])]))
     assert spans(rounding) == []
-
-
-def test_largest_errors_by_stream_with_0_at_the_left_edge():
-    rows = [("a", 0.0, 2e-5, 4e-3), ("b", 3e-14, None, None), ("c", None, 1e-4, 20.0)]
-    (axes,) = figures.error_overview(rows, 3.7).axes
-    left, right = axes.get_xlim()
-    assert left < 3e-14
-    assert right > 20
-    drawn = {k: v[1:] for k, v in lines(axes).items()}
-    assert drawn["float64 C"] == (pytest.approx([left, 3e-14]), [2.0, 1.0])
-    assert drawn["float32 C"] == (pytest.approx([2e-5, 1e-4]), [2.0, 0.0])
-    assert drawn["derived float32 bound"] == (pytest.approx([4e-3, 20]), [2.0, 0.0])
-    assert drawn["fit to the measured torque, RMS"][0] == [3.7, 3.7]
-    look = axes.xaxis.get_major_formatter()
-    ticks = axes.get_xticks()
-    assert look(ticks[0], 0) == "0"
-    numbers = dict(zip(map(float, ("0.01", "1", "100")), ("0.01", "1", "100"), strict=True))
-    assert all(look(at, 0) == text for at, text in numbers.items())
-
-
-def test_a_parameters_bar_is_its_deviation_in_per_cent_of_its_value():
-    rows = [("k1", 9.39, 0.0939), ("k3", -200.0, 50.0), ("n", 1.0, 3.0), ("z", 0.0, 1.0)]
-    (axes,) = figures.spread([*rows, ("m", 2.0, None)]).axes
-    bars = [x for _, x, _ in map(line, axes.lines) if len(x) == 2]
-    np.testing.assert_allclose(bars, [[-1.0, 1.0], [-25.0, 25.0], [-200.0, 200.0]])
-    assert [t.get_text() for t in axes.texts] == ["±1.0 %", "±25 %", "±300 %"]

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from esea_gen.cli import app, main
 from esea_gen.files import stamped
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.verdict import JudgedSamples, torque_worth
 from tests.browser import browser, readable
 from tests.report.test_report import Page
 from tests.result_schemas import held
@@ -34,43 +33,6 @@ CURVE = {
     key: {"value": value, "status": "identified", "source": "five rings, to their end"}
     for key, value in (("range_rad", 0.3), ("cycles", 1000.0), ("exponent", 5.0))
 } | {"warn_share": {"value": 0.5, "status": "assumed", "source": "half"}}
-
-
-def judged(error, torque, rate, weight=None) -> JudgedSamples:
-    arrays = [np.asarray(x, dtype=np.float64) for x in (error, torque, rate)]
-    return JudgedSamples(*arrays, np.ones(len(error)) if weight is None else np.asarray(weight))
-
-
-def test_each_class_has_the_band_of_its_own_errors():
-    """Classes worked out by hand: torque of 10 Nm and rate of 2 rad/s are 100 %."""
-    rise = np.arange(1, 51) / 100  # 95 % of fifty are at the 48th: 0.48 Nm
-    few = np.full(19, 9.0)
-    uneven = [*[0.1] * 30, *[0.5] * 10]
-    light = [*[1.0] * 30, *[math.sqrt(0.1)] * 10]  # 0.5 Nm then is 1 part of 31
-    error = np.concatenate([-rise, few, uneven])
-    torque = np.concatenate([np.full(50, -3.0), np.full(19, 6.0), np.full(40, 10.0)])
-    rate = np.concatenate([np.full(50, 0.4), np.full(19, -0.05), np.full(40, -1.5)])
-    weight = np.concatenate([np.ones(69), light])
-    inside = [*[0.47] * 15, *[-0.49] * 5]
-    unseen = judged([*inside, *[0.2] * 19], [3.0] * 20 + [-10.0] * 19, [0.4] * 20 + [1.5] * 19)
-    found = torque_worth(judged(error, torque, rate, weight), unseen, 10.0, 2.0)
-    cells = {(w.torque, w.rate): w for w in found}
-    first = cells["25-50 %", "5-35 %"]
-    assert (first.band_Nm, first.samples, first.held_out) == (0.48, 50, 20)
-    assert first.held_out_inside == 0.75
-    lonely = cells["50-75 %", "0-5 %"]
-    assert (lonely.band_Nm, lonely.samples) == (None, 19)
-    # Just at full scale is not above it; of 19 that no fit has seen no share is said.
-    last = cells["75-100 %", "35-100 %"]
-    assert (last.band_Nm, last.samples, last.held_out) == (0.1, 40, 19)
-    assert last.held_out_inside is None
-    empty = [w for w in found if w not in (first, lonely, last) and w.torque and w.rate]
-    assert len(empty) == 6 * 4 - 3
-    assert {(w.band_Nm, w.samples, w.held_out) for w in empty} == {(None, 0, 0)}
-    assert cells[None, None].samples == 109
-    assert cells["75-100 %", None].band_Nm == 0.1
-    alike = torque_worth(judged(error, torque, rate), unseen, 10.0, 2.0)
-    assert {(w.torque, w.rate): w for w in alike}["75-100 %", "35-100 %"].band_Nm == 0.5
 
 
 @pytest.fixture(scope="module")
@@ -101,13 +63,7 @@ def put(name: str, kind: str, content: dict) -> str:
 def compared(chosen="slips", **other) -> str:
     identified = json.loads(Path("rig.json").read_text())
     rows = [
-        {
-            "model": m,
-            "condition": c,
-            "training": e / 2,
-            "held_out": e,
-            "instructions": i,
-        }
+        {"model": m, "condition": c, "training": e / 2, "held_out": e, "instructions": i}
         for m, i, error in (("stops", 330.4, 1.25), ("slips", None, 1.75))
         for c, e in (("last cycles", error), ("rig block 1", 4 * error))
     ]

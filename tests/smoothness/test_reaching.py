@@ -99,15 +99,6 @@ def test_a_stay_that_is_too_short_or_too_late_is_none(tmp_path, at, inside):
     assert x.sse is None
 
 
-def test_a_hand_that_sets_off_away_and_one_that_never_moves(tmp_path):
-    t = np.arange(200) * 0.02
-    at = np.where(t < 0.5, -400 * t, -200 + 700 * np.minimum(t - 0.5, 1))
-    _, (x,) = imported(made(tmp_path / "a.dat", at, t > 1.5), tmp_path / "a.mcap")
-    assert x.away
-    _, (still,) = imported(made(tmp_path / "b.dat", 0 * t, 0 * t), tmp_path / "b.mcap")
-    assert (still.sparc, still.submovements, still.achieved) == (None, None, False)
-
-
 def test_the_command_tells_each_recording_and_refuses_what_has_no_reach(tmp_path):
     for name in PUBLISHED:
         imported(DATA / f"{name}.dat", tmp_path / f"{name}.mcap")

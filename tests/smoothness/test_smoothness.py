@@ -134,26 +134,10 @@ def test_rms_and_vibration_dose_of_a_sine():
     assert vdv(a, 1000.0, "thesis").value == pytest.approx(dose * 1000**0.25)
 
 
-def test_the_thesis_convention_of_the_spectral_arc_length():
-    """Of a speed below 4 Hz: the reference's with the other sign; rectified."""
-    speed, fs_Hz = PROFILES["four sines"]
-    found = sparc(speed, fs_Hz, "thesis")
-    assert found.value == pytest.approx(5.252752432150814, abs=1e-8)
-    assert sparc(tracked(45, 100, 1), fs_Hz, "thesis").value == found.value
-    assert (found.cutoff_Hz, found.larger_is_smoother) == (4.0, False)
-
-
 @pytest.mark.parametrize(("frequency_Hz", "count"), [(0.5, 1), (1.0, 2), (2.0, 4)])
 def test_submovements_are_the_bells(frequency_Hz, count):
     speed = np.abs(np.sin(2 * np.pi * frequency_Hz * np.arange(1000) / 1000))
     assert submovements(speed, 1000.0).value == count
-
-
-def test_submovements_below_the_threshold_do_not_count():
-    speed = minimum_jerk(1000) + 0.02 * np.sin(2 * np.pi * 40 * tau(1000)) ** 2
-    assert submovements(speed, 1000.0).value == 1
-    assert submovements(speed, 1000.0, threshold=0.001).value > 10
-    assert submovements(speed, 1000.0, threshold=0.001, apart_s=2.0).value == 1
 
 
 # -- what a metric claims not to see --------------------------------------------------------------
@@ -206,30 +190,6 @@ def test_a_stack_is_its_movements(bell_list):
         assert values == pytest.approx([metric(row, 200.0).value for row in stack], rel=1e-12)
 
 
-def test_more_bells_are_less_smooth():
-    """Both conventions, each with its sign."""
-    one, three = minimum_jerk(900), np.tile(minimum_jerk(300), 3)
-    for metric in (sparc, ldlj, dimensionless_jerk):
-        assert metric(one, 300.0).value > metric(three, 300.0).value
-        thesis = metric(one, 300.0, "thesis"), metric(three, 300.0, "thesis")
-        assert thesis[0].value < thesis[1].value
-        assert not thesis[0].larger_is_smoother
-        assert metric(one, 300.0).larger_is_smoother
-
-
-def test_a_signed_signal_whose_maximum_lies_above_the_band():
-    """Normalised by the largest magnitude at any frequency, as the published package does."""
-    t = np.arange(2000) / 1000
-    signal = 0.5 * np.sin(2 * np.pi * 4 * t) + np.sin(2 * np.pi * 31 * t)
-    length = 2 ** (11 + 4)
-    magnitude = np.abs(np.fft.fft(signal * 1.0, length))
-    magnitude /= magnitude.max()
-    low = magnitude[: int(10 * length / 1000) + 1]
-    first, last = np.flatnonzero(low >= 0.05)[[0, -1]]
-    arc = np.hypot(1 / (last - first), np.diff(low[first : last + 1])).sum()
-    assert sparc(signal, 1000.0).value == pytest.approx(-arc, abs=1e-10)
-
-
 # -- what has no answer ---------------------------------------------------------------------------
 
 GOOD = minimum_jerk(200)
@@ -255,16 +215,11 @@ ALL = (sparc, ldlj, dimensionless_jerk, submovements, peak_speed_ratio, rms_acce
         (GOOD[:9], 100.0, "short", "9 samples, too short: at least 10"),
         ([], 100.0, "shape", "shape"),
         (np.ones((2, 3, 4)), 100.0, "shape", "shape"),
-        (["a", "b"], 100.0, "shape", "no array of real numbers"),
-        (GOOD + 1j, 100.0, "shape", "no array of real numbers"),
-        (np.arange(200).astype("datetime64[s]"), 100.0, "shape", "no array of real numbers"),
         (np.ma.masked_inside(GOOD, 1, 1.2), 100.0, "gap", "samples are NaN"),
         (GOOD, 0.0, "rate", "0"),
         (GOOD, math.nan, "rate", "nan"),
         (GOOD, -5, "rate", "-5"),
         (GOOD, "100", "rate", "100"),
-        (GOOD, True, "rate", "True"),
-        (GOOD, 10**400, "rate", "1000"),
     ],
 )
 def test_no_number_without_an_answer(metric, signal, fs_Hz, reason, words):
@@ -376,12 +331,10 @@ def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():
     [
         (lambda: sparc(GOOD, 19.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, cutoff_Hz=51.0), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, cutoff_Hz=0.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, cutoff_Hz=math.nan), "cutoff"),
         (lambda: sparc(GOOD[:20], 1000.0), "short"),
         (lambda: sparc(np.sin(2 * np.pi * 30 * np.arange(2000) / 1000), 1000.0), "cutoff"),
         (lambda: sparc(GOOD, 100.0, threshold=1.0), "setting"),
-        (lambda: sparc(GOOD, 100.0, padlevel=99), "setting"),
         (lambda: sparc(GOOD, 100.0, "mine"), "setting"),
         (lambda: ldlj(GOOD, 100.0, "iso2631"), "setting"),
         (lambda: ldlj(np.arange(200.0), 100.0), "constant"),
@@ -394,24 +347,12 @@ def test_a_gap_in_time_is_found_and_a_steady_rate_is_not_one():
         (lambda: derivatives(with_nan(), 100.0), "gap"),
         (lambda: derivatives(GOOD, 100.0).last(3.0), "short"),
         (lambda: derivatives(GOOD, 100.0).last(math.nan), "short"),
-        (lambda: derivatives(GOOD, 100.0).last("1"), "short"),
-        (lambda: derivatives(GOOD, 100.0, None), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, cutoff_Hz="4"), "cutoff"),
-        (lambda: sparc(GOOD, 100.0, threshold=None), "setting"),
-        (lambda: sparc(GOOD, 100.0, time_s="now"), "shape"),
-        (lambda: submovements(GOOD, 100.0, apart_s="1"), "setting"),
     ],
 )
 def test_settings_without_an_answer(call, reason):
     with pytest.raises(NoAnswerError) as caught:
         call()
     assert caught.value.reason == reason
-
-
-def test_the_bad_movement_of_a_stack_is_named():
-    stack = np.array([GOOD, GOOD, np.zeros(200)])
-    with pytest.raises(NoAnswerError, match="movement 2,"):
-        sparc(stack, 100.0)
 
 
 # -- chain and band -------------------------------------------------------------------------------
@@ -489,14 +430,3 @@ def test_a_few_recorded_reaches_agree_with_the_published_package():
         speed = reach_speed(own["x_px"], own["y_px"], own["time_ms"] / 1000)
         assert sparc(speed, 100.0).value == pytest.approx(arc, abs=1e-8)
         assert ldlj(speed, 100.0).value == pytest.approx(jerk, abs=1e-8)
-
-
-@pytest.mark.parametrize("factor", [1e-300, 1e300])
-def test_numbers_of_any_size(factor):
-    """Powers of them would be 0 or infinite."""
-    for metric in (ldlj, dimensionless_jerk):
-        assert metric(factor * GOOD, 100.0).value == pytest.approx(metric(GOOD, 100.0).value)
-    for metric in (rms_acceleration, vdv):
-        assert metric(factor * GOOD, 100.0).value == pytest.approx(
-            factor * metric(GOOD, 100.0).value
-        )

@@ -163,31 +163,6 @@ def test_a_plant_that_runs_away_is_unstable(monkeypatch):
     held("simulate", head | done.to_dict())
 
 
-@pytest.mark.parametrize(
-    ("study", "runs", "count"), [("grid", 1, 12), ("step", 1, 3), ("step", 2, 6)]
-)
-def test_every_case_and_seed_runs_once(monkeypatch, study, runs, count):
-    require_tool("gcc")
-    seen = []
-    real = room.run_case
-
-    def counted(case, setting, seed):
-        seen.append((case.name, seed))
-        return real(case, setting, seed)
-
-    monkeypatch.setattr(room, "run_case", counted)
-    told = []
-    done = simulate(study, Setting("smc", "ideal"), runs=runs, progress=lambda *a: told.append(a))
-    done.table()
-    done.to_dict()
-    done.figure()
-    assert len(seen) == count
-    assert len(set(seen)) == count
-    assert {total for _, total, _ in told} == {count}
-    assert [d for d, _, _ in told] == sorted(d for d, _, _ in told)
-    assert told[-1] == (count, count, 0)
-
-
 def test_a_journal_gives_figures_and_a_second_look_gives_signals(tmp_path, monkeypatch):
     require_tool("gcc")
     first = simulate("step", Setting("smc", "ideal"), folder=tmp_path)

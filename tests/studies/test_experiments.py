@@ -6,12 +6,10 @@ import csv
 import dataclasses
 import io
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from esea_gen.analysis.plots import CROSS
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import load_study
@@ -134,40 +132,6 @@ def quick(seed: int, **_: object) -> dict[str, float]:
         raise ArithmeticError("the plant left the page")
     rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "unstable", "fault", "limited_share"), 0.0)
     return {"rms_true_Nm": 0.1 * seed, "tripped": float(seed == 5), **rest}
-
-
-def test_runs_that_ended_are_counted_and_explained(monkeypatch):
-    monkeypatch.setattr(room, "simulate_case", quick)
-    good = simulate("tuning", Setting("smc"), seed=3, runs=2)
-    assert good.ended() == []
-    assert good.to_dict()["ended_runs"] == 0
-    assert not any("latched" in line for line in good.table())
-    some = simulate("tuning", Setting("smc"), seed=4, runs=3)
-    assert [e["seed"] for e in some.ended()] == [5, 6]
-    assert some.to_dict()["ended_runs"] == 2
-    text = "\n".join(some.table())
-    assert "2 of 3 runs were unstable, tripped, latched or failed" in text
-    assert "the plant left the page" in text
-    assert "full scale" not in text
-    with monkeypatch.context() as small:
-        small.setattr(room, "controller_device", lambda _: SimpleNamespace(tau_full_scale_Nm=1.5))
-        assert "asked for up to 1.7 Nm, above full scale, 1.5 Nm" in "\n".join(some.table())
-    picture = some.figure()
-    assert "seed 5 drive tripped" in picture.get_supxlabel()
-    (axes, *_) = picture.axes
-    assert [t.get_text()[0] for t in axes.get_yticklabels()] == [CROSS]
-    assert good.figure().get_supxlabel() == ""
-    none = simulate("tuning", Setting("smc"), seed=6, runs=1)
-    assert "the plant left the page" in "\n".join(none.table())
-    monkeypatch.setattr(room, "simulate_case", failing)
-    lost = simulate("tuning", Setting("smc"), seed=6, runs=2)
-    assert "2 of 2 runs" in "\n".join(lost.table())
-    with pytest.raises(UserError, match="nothing to draw"):
-        lost.figure()
-
-
-def failing(**_: object) -> dict[str, float]:
-    raise ArithmeticError("nothing ran")
 
 
 def at_rate(folder, rate_Hz: float, control_Hz: float) -> str:

@@ -152,8 +152,7 @@ def expanded(known: KnownLoad) -> float:
 
 @pytest.mark.parametrize("gain_error", [1, -1])
 @pytest.mark.parametrize(
-    "known",
-    [KNOWN, replace(KNOWN, u_arm_m=0.0015), replace(KNOWN, u_mass_kg=0.0, u_arm_m=0.0)],
+    "known", [KNOWN, replace(KNOWN, u_arm_m=0.0015), replace(KNOWN, u_mass_kg=0.0, u_arm_m=0.0)]
 )
 def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, known):
     most = 0.03 * TORQUE + 0.005 * FULL
@@ -224,11 +223,8 @@ def test_known_torque_and_budget():
     ("values", "message"),
     [
         ({"mass_kg": 0.0}, "the mass = 0 kg is not within"),
-        ({"mass_kg": math.nan}, "the mass = nan kg"),
-        ({"arm_m": math.inf}, "the arm = inf m"),
         ({"arm_m": 200.0}, "the arm = 200 m is not within 0.01 to 2 m"),
         ({"angle_rad": 1.2}, "Bring the arm nearer the horizontal"),
-        ({"angle_rad": math.nan}, "angle = nan deg"),
         ({"u_arm_m": 0.3}, "the arm's uncertainty"),
         ({"g_m_s2": 1.62}, "gravity = 1.62"),
     ],
@@ -275,28 +271,6 @@ def test_loads_outside_the_domain_are_refused(elbow):
 def phase(label: str = "zero_1", level: float = 0.0, seconds: float = 15.0, rate: float = 100.0):
     t = np.arange(round(seconds * rate) + 1) / rate
     return label, t, np.full(len(t), level)
-
-
-def test_steps_come_in_order(elbow):
-    check = TorqueCheck(elbow, KNOWN)
-    assert check.verdict == "incomplete"
-    assert check.next_step.label == "zero_1"
-    with pytest.raises(UserError, match="plus_1 cannot be recorded now: the next one is zero_1"):
-        check.record(*phase("plus_1"))
-    check.record(*phase())
-    assert check.next_step.label == "plus_1"
-    check.record(*phase("plus_1", 1.0))
-    check.undo()
-    check.record(*phase("plus_1", TORQUE))
-    check.record(*phase("zero_2"))
-    assert check.readings[0] == (("zero_1", "plus_1", "zero_2"), pytest.approx(0.0))
-    assert [s.label for s in check.missing][:2] == ["plus_2", "zero_3"]
-    text = "\n".join(check.report())
-    assert "Next, plus_2: Hang the mass" in text
-    assert text.endswith("Verdict: INCOMPLETE")
-    with pytest.raises(UserError, match="repeats = 1"):
-        procedure(1)
-    assert len(procedure(2)) == 9
 
 
 def spoiled(change) -> tuple:
@@ -354,10 +328,7 @@ def test_it_goes_on_where_it_stopped(elbow, tmp_path):
         (lambda c: c | {"device_digest": "0"}, "has changed since"),
         (lambda c: {k: v for k, v in c.items() if k != "known_load"}, "damaged"),
         (lambda c: c | {"measurements": c["measurements"][1:]}, "out of order"),
-        (
-            lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": math.nan}]},
-            "damaged",
-        ),
+        (lambda c: c | {"measurements": [c["measurements"][0] | {"mean_Nm": math.nan}]}, "damaged"),
         (lambda c: c | {"repeats": 2.5}, "damaged"),
         (lambda c: c | {"known_load": c["known_load"] | {"mass_kg": 9.0}}, "above 3.94 Nm"),
     ],

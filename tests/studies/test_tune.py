@@ -17,7 +17,7 @@ from esea_gen import cli
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
-from esea_gen.studies.tuning_sweep import Trial, choose_error, choose_layer, extremes, tune
+from esea_gen.studies.tuning_sweep import Trial, extremes, tune
 from tests.conftest import require_tool
 
 EXTENDED = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
@@ -50,11 +50,7 @@ def trial(value: float, **figures) -> Trial:
 # -- figures --------------------------------------------------------------------------------------
 
 
-@given(
-    gain=st.floats(0.2, 3.0),
-    lag_deg=st.floats(-40.0, 120.0),
-    offset=st.floats(-0.2, 0.2),
-)
+@given(gain=st.floats(0.2, 3.0), lag_deg=st.floats(-40.0, 120.0), offset=st.floats(-0.2, 0.2))
 def test_overshoot_is_what_a_sinusoid_of_known_gain_has(gain, lag_deg, offset):
     (case,) = TuningCase().cases()
     t = np.arange(len(case.trajectory.tau_desired_Nm)) / 1000
@@ -63,40 +59,6 @@ def test_overshoot_is_what_a_sinusoid_of_known_gain_has(gain, lag_deg, offset):
     # An offset lifts one extreme and lowers the other: the worst counts, the mean stays.
     assert over == pytest.approx(max(0.0, 100 * (gain + abs(offset) - 1)), abs=0.02 * gain)
     assert reach == pytest.approx(100 * gain, abs=100 * abs(offset) / 20 + 0.02 * gain)
-
-
-def test_the_narrowest_layer_that_is_never_left_is_chosen():
-    trials = [
-        trial(0.5, surface_rad_s=0.9, outside_share=0.038),
-        trial(0.75, surface_rad_s=0.94, outside_share=0.012),
-        trial(1.0, surface_rad_s=0.95),
-        trial(1.5, surface_rad_s=0.96),
-    ]
-    chosen, reason = choose_layer(trials)
-    assert chosen is trials[2]
-    assert "0.95 rad/s" in reason
-    assert "0.75, is left for 1.2 % of the time" in reason
-    unstable = [trial(1.0, unusable="unstable"), trials[3]]
-    assert choose_layer(unstable)[0] is trials[3]
-    nothing, reason = choose_layer(trials[:2])
-    assert nothing is None
-    assert "wider" in reason
-
-
-def test_a_smaller_error_does_not_pay_for_overshoot():
-    trials = [
-        trial(5, rms_Nm=0.30),  # not followed: its lack of overshoot says nothing
-        trial(9, rms_Nm=0.12, overshoot_percent=2.0),
-        trial(13, rms_Nm=0.074, overshoot_percent=2.5),
-        trial(15, rms_Nm=0.070, overshoot_percent=3.0),
-        trial(20, rms_Nm=0.060, overshoot_percent=9.0),
-        trial(25, rms_Nm=0.010, unusable="unstable"),
-    ]
-    chosen, reason = choose_error(trials)
-    assert chosen is trials[2]
-    assert "within 10 %" in reason
-    assert "at 25: unstable" in reason
-    assert choose_error([trials[-1]]) == (None, "no value is usable, unstable")
 
 
 FAILING = 2.0

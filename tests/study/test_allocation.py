@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
 import re
 from collections import Counter
@@ -18,8 +17,7 @@ from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.study.allocation import draw_list, strata_of, stratum_named
 from esea_host.study.exchange import new_codes, to_bids, to_rows
-from esea_host.study.folder import AUDIT, StudyFolder
-from esea_host.study.log import EventLog
+from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import build_plan, group_of, guessed_share
 from esea_host.study.privacy import KEY, PRIVATE, export_codes, findings, sealed, unsealed
 from esea_host.study.protocol import Protocol, ProtocolFile
@@ -322,22 +320,6 @@ def test_orders_of_trials_do_not_tell_who_came_when(blinded, tmp_path):
     assert sum(a == b for a, b in zip(done, known, strict=True)) <= 6
 
 
-def test_past_allocations_and_exports_do_not_predict_the_next(tmp_path):
-    """Whoever has protocol, seals, exports and past codes can do no better than Bayes' guess."""
-    study = created(tmp_path / "s", changed("seed = 7", "seed = 7"), 20)
-    for k, code in enumerate(list(study.participants())[:-1]):
-        study.disclose(code, codes_of(study.path)[k])
-    told = [e.data for e in study.trail() if e.kind == "disclose"]
-    seals = json.loads((study.path / "allocation-1.json").read_text())[""]
-    # Codes of other places open nothing, in whichever group: the seal of the next stays shut.
-    for data in told:
-        with pytest.raises(UserError, match="does not open place 20"):
-            study.disclose("P20", data["code"])
-    assert len(set(seals)) == 40
-    by_seed = [group_of(study.protocol, k) for k in range(19)]
-    assert by_seed != [d["group"] for d in told]
-
-
 @pytest.mark.ci
 def test_the_report_is_whole_on_a_telephone(blinded, tmp_path):
     with browser(tmp_path / "profile") as b:
@@ -394,35 +376,6 @@ def test_a_lost_key_is_told(blinded, tmp_path):
 
 
 # -- studies of former versions --------------------------------------------------------------------
-
-
-def test_a_study_with_its_groups_from_the_seed_goes_on(tmp_path):
-    protocol = changed("seed = 7", "seed = 7")
-    study = StudyFolder.create(tmp_path / "s", protocol, False, durable=False, by="x")
-    (study.path / AUDIT).unlink()
-    with EventLog(study.path / AUDIT, durable=False) as log:
-        log.append(0.0, "created", {"protocol": "steady-hold", "simulated": False})
-        for code in ("P01", "P02"):
-            log.append(0.0, "enrolled", {"participant": code, "consent": True})
-    study = StudyFolder.open(study.path, durable=False, by="Olga Operator")
-    assert [study.group(c) for c in ("P01", "P02")] == [group_of(protocol, k) for k in (0, 1)]
-    assert study.disclose("P02") == ""
-    session = study.session("P02", 0, RealPerson(3))
-    asked = itertools.chain([""] * 30, itertools.repeat("a break"))
-    session.run(stop=lambda: next(asked))
-    session.close()
-    assert session.state.plan == build_plan(protocol, 1, 0)
-    run(study, "P02")
-    assert not read_session(study.log_of("P02", 0)).remaining
-    assert to_rows(study, tmp_path / "x") == 12
-    # A list that is made later is for those who come later.
-    third = StudyFolder.open(study.path, durable=False, by="Tina Third")
-    third.allocate(tmp_path / "list.csv", 8)
-    assert study.group("P02") == group_of(protocol, 1)
-    with pytest.raises(UserError, match="place 1 is to be opened"):
-        study.disclose("P01")
-    study.disclose("P01", str(tmp_path / "list.csv"))
-    run(study, "P02", 1)
 
 
 def test_a_study_without_groups_has_secret_orders_too(tmp_path):

@@ -6,7 +6,6 @@ session, audit, report, export, analyse.  Every session is simulated; nothing de
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -18,7 +17,6 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_gen.errors import UserError
-from esea_host.assess.session import trail_is_whole
 from esea_host.cli import app
 from esea_host.study.conductor import PAUSED
 from esea_host.study.folder import StudyFolder
@@ -48,33 +46,6 @@ class Dying(conductor.Conductor):
 conductor.Conductor = Dying
 from esea_host.cli import main
 main()
-"""
-# The same for the clinician's window: after two movements.
-DYING_DESK = """
-import os, signal, sys
-from pathlib import Path
-from PySide6.QtCore import QTimer
-from esea_host.assess.database import ResponseDataBase
-from esea_host.assess.desk import ClinicDesk
-from esea_host.assess.session import Assessment
-from esea_host.assess.simulated import patient_named
-from esea_host.windows.assess import AssessWindow, run_assess
-def die():
-    AssessWindow.move_leg(shown[0])
-    AssessWindow.move_leg(shown[0])
-    os.kill(os.getpid(), signal.SIGKILL)
-shown, animate = [], AssessWindow.animate
-def seen(window):
-    animate(window)
-    if window.isVisible() and not shown:
-        shown.append(window)
-        QTimer.singleShot(0, die)
-AssessWindow.animate = seen
-desk = ClinicDesk(
-    Assessment(ResponseDataBase.load(Path(sys.argv[1]))),
-    patient=patient_named("S3"), file=Path(sys.argv[2]),
-)
-run_assess(desk)
 """
 
 
@@ -335,36 +306,3 @@ def test_a_day_of_the_knee_assessment(day, tmp_path):
     by_trial = [sorted(s.rows("P01"), key=lambda r: r["trial"]) for s in (found, plain)]
     assert by_trial[0] == by_trial[1]
     exported(day, study, "rows", "bids")
-
-
-def test_a_day_at_the_clinicians_window(day, tmp_path):
-    """Killed after two movements: what was done is whole on the disk; another visit is finished."""
-    from esea_host.assess.desk import ClinicDesk
-    from esea_host.assess.session import Assessment
-    from esea_host.assess.simulated import patient_named
-    from esea_host.windows.assess import AssessWindow
-
-    require_tool("gcc")
-    base, file = tmp_path / "base.npz", tmp_path / "visit.json"
-    data = made_up()
-    data.save(base)
-    killed(DYING_DESK, base, file)
-    left = json.loads(file.read_text())
-    assert left["simulated"]
-    assert trail_is_whole(left["trail"])
-    assert [e["what"] for e in left["trail"]].count("measured") == 2
-    desk = ClinicDesk(Assessment(data), patient=patient_named("S3"), file=file)
-    window = AssessWindow(desk, "P01")
-    window.timer.stop()
-    day.qtbot.addWidget(window)
-    for _ in range(2):
-        window.move_leg()
-    assert desk.session.by_name() == pytest.approx(left["probabilities"])  # the same movements
-    window.controls.skipped.emit("Krampf")
-    window.undo()
-    window.controls.another.emit()
-    window.save_page(tmp_path / "page.html")
-    assert "SIMULATED" in (tmp_path / "page.html").read_text()
-    again = json.loads(file.read_text())
-    assert [e["what"] for e in again["trail"]][-3:] == ["skipped", "undone", "left out"]
-    assert trail_is_whole(again["trail"])

@@ -21,7 +21,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
 from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
-from esea_host.study.scene import Scene, Shape, Text, draw
+from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.session import StudySession, read_session, replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, TaskEvent, TrialOutcome, task_named
@@ -62,14 +62,6 @@ def test_a_wrong_protocol_is_told_before_the_first_trial(old, new, words):
         words = [*words, f"line {number}"]
     for word in words:
         assert word in str(error.value)
-
-
-def test_the_check_says_it_in_words_with_the_duration(protocol):
-    said_there = explain(protocol)
-    # 12 trials of at most 5 s and two rests of 30 s: 2 min, 1 of them rests.
-    assert "12 trials, at most 2 min (1 min of them rests)" in said_there
-    assert "7 days or more after the last" in said_there
-    assert "1 of them catch trials" in said_there
 
 
 # -- order -----------------------------------------------------------------------------------------
@@ -372,13 +364,6 @@ def test_blinding_and_scrubbed_export(tmp_path, study):
 # -- scenes ----------------------------------------------------------------------------------------
 
 
-def test_a_scene_is_drawn_as_it_says():
-    shapes = [Shape(kind, "target", 1.0, 2.0) for kind in ("disc", "ring", "square", "line")]
-    axes = draw(Scene(tuple(shapes), (Text("caught"),))).axes[0]
-    assert (len(axes.patches), len(axes.lines)) == (3, 1)
-    assert axes.texts[0].get_text() == "Caught."
-
-
 # -- command line ----------------------------------------------------------------------------------
 
 
@@ -426,6 +411,7 @@ def test_the_task_file_may_be_named_on_the_command_line(tmp_path):
     assert done.exit_code == 0
 
 
+@pytest.mark.ci
 def test_many_simulated_participants_whatever_the_workers(tmp_path):
     said = []
     for name, jobs in (("a", "1"), ("b", "2")):

@@ -7,14 +7,13 @@ import os
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from esea_host.interaction.virtual import RigSource
 from esea_host.people.person import PersonModel, person
-from esea_host.study.conductor import FrameTimes, appears, summary
+from esea_host.study.conductor import FrameTimes, appears
 from esea_host.study.plan import generator
 from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text
 from esea_host.study.words import words_of
@@ -37,17 +36,6 @@ def windows(qtbot):
 
 
 # -- time ------------------------------------------------------------------------------------------
-
-
-def test_frames_in_numbers():
-    """60 Hz; two refreshes without a picture, then one."""
-    refresh = 1 / 60
-    found = summary([refresh] * 96 + [3 * refresh, 2 * refresh, refresh], [0.01], 60.0)
-    assert (found["dropped"], found["intervals"], found["onset_delay_p50_ms"]) == (3, 99, 10.0)
-    assert found["interval_p50_ms"] == pytest.approx(1000 / 60, abs=1e-3)
-    assert found["interval_p100_ms"] == pytest.approx(50.0, abs=1e-3)
-    none = summary([], [], 60.0)
-    assert (none["dropped"], none["interval_p50_ms"], none["onsets"]) == (0, None, 0)
 
 
 def test_frames_between_trials_are_of_no_trial():
@@ -176,29 +164,6 @@ def test_the_patch_changes_with_each_frame_or_at_an_onset(begin, windows, patch,
         assert set(seen) == {None}
     else:
         assert np.abs(np.diff(seen[1:])).tolist() == changes
-
-
-def test_on_a_second_monitor_it_is_full_screen(begin, windows, monkeypatch):
-    from PySide6.QtCore import QRect
-
-    from esea_host.windows.study import participant as module
-
-    both = [
-        SimpleNamespace(geometry=lambda x=x: QRect(x, 0, 700, 600), refreshRate=lambda hz=hz: hz)
-        for x, hz in ((0, 60.0), (800, 120.0))
-    ]
-    desk = SimpleNamespace(screens=lambda: both, primaryScreen=lambda: both[0])
-    monkeypatch.setattr(module, "QGuiApplication", desk)
-    conductor = begin(of_tasks(TRACKING), at=[(1, 0.1)])
-    participant, _ = windows(conductor)
-    assert participant.frames.refresh_Hz == 60.0
-    participant.place()
-    assert participant.isFullScreen()
-    assert (participant.frames.refresh_Hz, participant.timer.interval()) == (120.0, 8)
-    both.pop()
-    other, _ = windows(conductor)
-    other.place()
-    assert not other.isFullScreen()
 
 
 # -- somebody points -------------------------------------------------------------------------------

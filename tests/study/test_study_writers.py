@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from esea_gen import files
 from esea_gen.errors import UserError
-from esea_gen.files import locked
 from esea_host.cli import app
 from esea_host.study.exchange import to_rows
 from esea_host.study.folder import StudyFolder
@@ -143,15 +141,6 @@ def test_a_holder_on_another_computer_counts_as_alive_until_repair(study):
     study.session("P01", 0, None).close()
 
 
-def test_a_file_system_without_locks_is_refused(tmp_path, monkeypatch):
-    def none(_) -> bool:
-        raise OSError(errno.ENOLCK, "No locks available")
-
-    monkeypatch.setattr(files, "try_lock", none)
-    with pytest.raises(UserError, match="has no locks"), locked(tmp_path / "x.lock"):
-        pass
-
-
 # -- disks and clocks ------------------------------------------------------------------------------
 
 
@@ -247,16 +236,6 @@ def test_a_broken_session_is_named_left_out_repaired_and_gone_on_with(tmp_path, 
     assert run_one(study).state.remaining == ()
     assert study.problems() == []
     assert repair(study) == []
-
-
-def test_a_session_that_broke_in_its_first_line_begins_anew(study):
-    run_one(study)
-    path = study.log_of("P01", 0)
-    path.write_bytes(b"x" + path.read_bytes())
-    assert len(repair(study)) == 1
-    assert not path.exists()
-    assert run_one(study).state.remaining == ()
-    assert study.problems() == []
 
 
 def test_entries_behind_a_break_of_the_audit_trail_are_entered_again(study):

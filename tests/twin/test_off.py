@@ -15,15 +15,12 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
-from esea_gen.studies import simulation as room
-from esea_gen.studies.off_table import SWINGING_NM, OffTable, simulate_off
-from esea_gen.studies.simulation import simulate
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import TORQUE, Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.hand_plant import twin_system
-from esea_gen.twin.off import chosen_families, deviation, off_families
+from esea_gen.twin.off import deviation, off_families
 from esea_gen.twin.people import ideal_plant
 from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
 from tests.conftest import require_tool
@@ -218,25 +215,6 @@ def test_every_family_is_felt(name):
 # -- what is said of it ---------------------------------------------------------------------------
 
 
-def test_names_and_groups():
-    assert chosen_families("rubber") == ["rubber-20", "rubber-10", "rubber+10", "rubber+20"]
-    assert chosen_families("lag-x2, lag") == ["lag-x2", "lag-x0.5"]
-    assert chosen_families("all") == [n for n in EVERY if not n.startswith("random")]
-    without = [n for n in chosen_families("all") if n != "backlash-30mrad"]
-    assert chosen_families("all", rigid=True) == without
-    # By name it stays, to be refused with its reason.
-    assert chosen_families("backlash", rigid=True) == ["backlash-30mrad"]
-    assert chosen_families("random") == ["random"]
-    for name in EVERY:
-        assert chosen_families(name) == [name]
-    with pytest.raises(UserError) as error:
-        chosen_families("rubber,delay+3ms")
-    said = str(error.value)
-    assert "unknown family 'delay+3ms'" in said
-    assert "Did you mean delay+" in said
-    assert all(f"{r.name}: {r.meaning}" in said for r in off_families().values())
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -275,65 +253,3 @@ def test_one_command_makes_the_table(tmp_path):
     assert [r["rms_true_Nm"] for r in rows[:2]] == pytest.approx([wrong, wrong], rel=0.2)
     assert [r["fault"] for r in rows] == [0, 0, 0, 0]
     assert sheet.read_text().count("\n") == 5
-
-
-def quick(seed: int, off: str, controller: str, **_: object) -> dict[str, float]:
-    """In place of a run: figures that tell where they come from."""
-    if off == "lag-x2" and seed == 1:
-        raise ArithmeticError("the plant left the page")
-    rms = 0.1 * (1 + seed) ** 2 * (2 if controller == "mpc" else 1)
-    swing = 0.2 if off == "lag-x2" else 0.15
-    rest = dict.fromkeys(("rms_model_Nm", "max_true_Nm", "tripped", "limited_share"), 0.0)
-    ends = {"unstable": float(seed == 2), "fault": float(off == "missed-5%")}
-    return {"rms_true_Nm": rms, "rms_above_4Hz_Nm": swing, **ends, **rest}
-
-
-@pytest.mark.ci
-def test_one_table_of_all(monkeypatch):
-    monkeypatch.setattr(room, "simulate_case", quick)
-    told_of: list[tuple[int, int, int]] = []
-    names = ("none", "lag-x2", "missed-5%")
-    settings = [Setting(c, off=n) for n in names for c in ("smc", "mpc")]
-    done = simulate_off("tuning", settings, runs=3, progress=lambda *a: told_of.append(a))
-    assert isinstance(done, OffTable)
-    assert told_of[-1] == (18, 18, 2)
-    assert [n for n, _, _ in told_of] == sorted(n for n, _, _ in told_of)
-    content = done.to_dict()
-    json.dumps(content, allow_nan=False)
-    rows = {(r["off"], r["controller"]): r for r in content["off"]}
-    assert rows["none", "smc"]["rms_true_Nm"] == pytest.approx(0.4)
-    assert rows["none", "mpc"]["rms_true_Nm_worst"] == pytest.approx(1.8)
-    assert rows["lag-x2", "smc"]["rms_true_Nm"] == pytest.approx(0.5)  # of the first and third
-    assert [rows["lag-x2", "smc"][k] for k in ("failed", "swinging", "unstable")] == [1, 2, 1]
-    # At the limit is not above it.
-    assert (rows["none", "smc"]["swinging"], SWINGING_NM) == (0, 0.15)
-    assert rows["missed-5%", "mpc"]["fault"] == 3
-    assert {(c["off"], c["family"], c["controller"]) for c in content["cases"]} == {
-        (n, off_families()[n].group, c) for n in names for c in ("smc", "mpc")
-    }
-    text = "\n".join(done.table())
-    assert "2 swinging" in text
-    assert "3 latched" in text
-    assert "1 failed" in text
-    assert "include the time after that" in text
-    assert done.csv().count("\n") == 19
-    assert "lag-x2" in done.csv()
-    figure = done.figure()
-    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == list(names)
-    # A latched controller has no bar, but a cross.
-    assert [bar.get_width() for bar in figure.axes[0].containers[0]] == pytest.approx([0.4, 0.5, 0])
-
-
-def test_one_family_alone_is_a_study_as_ever(monkeypatch):
-    monkeypatch.setattr(room, "simulate_case", quick)
-    done = simulate_off("tuning", [Setting("smc", off="lag-x0.5")], runs=2)
-    assert not isinstance(done, OffTable)
-    content = done.to_dict()
-    assert (content["off"], content["cases"][0]["off"], content["cases"][0]["family"]) == (
-        "lag-x0.5",
-        "lag-x0.5",
-        "lag",
-    )
-    assert "off: motor's lag 0.5 times the model's" in done.table()[0]
-    with pytest.raises(UserError, match="unknown family"):
-        simulate("tuning", Setting("smc", off="everything"))

@@ -11,7 +11,6 @@ import pytest
 
 from esea_gen.control.laws.predictive import device_horizon, predictive_delay_s
 from esea_gen.device import load_device, parse_device
-from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import previews
 from esea_gen.twin.trajectories import Trajectory
 
@@ -86,21 +85,6 @@ def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
     assert predictive_delay_s(device) == pytest.approx(ticks * 1e-3, abs=1e-12)
     ends = [ticks * 1e-3 + x for x in (0.02, 0.04, 0.06, 0.1, 0.14, 0.18)]
     assert device_horizon(device).ends_s == pytest.approx(ends, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("controller", "first_s", "last_s", "many"),
-    [
-        ("mpc", 0.023, 0.183, 6),
-        ("mpc-no-preview", 0.023, 0.183, 6),
-        ("mpc-published", 0.052, 0.502, 10),
-        ("mpc-published-no-preview", 0.052, 0.502, 10),
-    ],
-)
-def test_the_horizon_of_every_shipped_controller(controller, first_s, last_s, many):
-    ends = device_horizon(controller_device(controller)).ends_s
-    assert len(ends) == many
-    assert (ends[0], ends[-1]) == (pytest.approx(first_s), pytest.approx(last_s))
 
 
 def test_a_known_future_is_that_of_the_intervals_ends():

@@ -6,27 +6,19 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.emit.fixed.errors import any_bound
-from esea_gen.emit.fixed.kept import plan_block
-from esea_gen.hostlib.library import compile_system
 from esea_gen.language.stream import Stream, single
-from esea_gen.language.system import System, Task
 from esea_gen.observe.human import extended_state
 from esea_gen.verify import equivalence
 from esea_gen.verify.assumed import steps_beyond
 from esea_gen.verify.bounds import PORT_RANGES, bounds_or_rule
-from esea_gen.verify.compare import compare
-from esea_gen.verify.fixed import compare_fixed
-from esea_gen.verify.runs import CasadiOracle, run_symbolic
+from esea_gen.verify.runs import run_symbolic
 from esea_gen.verify.streams import streams
 from esea_gen.verify.verdict import ONE_STEP
-from tests.bound_search import search
 from tests.conftest import require_tool
 
 NAME = "human_eso"
 # Rests at, and next to, an end.
 BESIDE_rad = (0.0, 1e-4, 3e-4, 5e-4, 1e-3)
-FORMATS = ("f32", "q31")
 
 
 @pytest.fixture(scope="module")
@@ -38,32 +30,6 @@ def drive():
 @pytest.fixture(scope="module")
 def block(drive):
     return extended_state(drive)
-
-
-def alone(block):
-    inputs = {p.name: (f"{block.name}.{p.name}",) for p in block.inputs}
-    outputs = {p.name: f"{block.name}.{p.name}" for p in block.outputs}
-    task = Task("alone", (block.name,))
-    return System("alone", block.period_s, {block.name: block}, (task,), {}, inputs, outputs)
-
-
-def judge_of(device, block, library):
-    """The comparison of one stream in a library's format."""
-    runner = library.block(block.name)
-    if library.real == "q31":
-        plan = plan_block(block)
-        bound = any_bound(plan)
-        return lambda stream: compare_fixed(device, plan, runner, stream, bound)
-    if library.real == "f64":
-        oracle = CasadiOracle(library.system)
-        return lambda stream: compare(device, block, library, stream, {}, oracle)
-    bounds, rule = bounds_or_rule(device, block)
-    return lambda stream: compare(device, block, library, stream, bounds, None, rule)
-
-
-@pytest.fixture(scope="module")
-def judges(drive, block):
-    return {r: judge_of(drive, block, compile_system(alone(block), r)) for r in FORMATS}
 
 
 def at_rest(theta_rad, tau_Nm, steps=1500):
@@ -175,52 +141,3 @@ def test_a_step_of_another_matrix_is_counted(drive, block):
 
 
 # -- a search --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("real", FORMATS)
-def test_a_small_search_stays_within_the_bound(block, judges, real):
-    found = search(block, judges[real], seed=1, tries=8, climbs=8, steps=200)
-    assert not found.problems, found
-    assert 0 < found.ratio <= 1
-
-
-def test_the_search_finds_a_bound_that_is_too_small(block, judges):
-    """Armed: q31 comes near its bound, so four tenths of it is found to be exceeded."""
-
-    def narrowed(stream):
-        result = judges["q31"](stream)
-        result.limits = {k: 0.4 * v for k, v in result.limits.items()}
-        return result
-
-    found = search(block, narrowed, seed=1, tries=8, climbs=8, steps=200)
-    assert found.ratio > 1
-
-
-# Every Block of the drives, and of a device whose sensor has a dead zone.
-SEARCHED = {
-    "elbow_drive": (
-        *("encoder", "joint", "velocity", "sensor", "rate"),
-        *("reference", "inverse", "setpoint_rates", "limits", "drive_observer"),
-        *("human_eso", "sliding_mode", "stamp"),
-    ),
-    "elbow_mpc": ("ahead",),
-    "knee": ("sensor",),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("real", ["f64", *FORMATS])
-@pytest.mark.parametrize(
-    ("device", "name"), [(d, n) for d, names in SEARCHED.items() for n in names]
-)
-def test_a_search_of_every_block_stays_within_its_bound(device, name, real):
-    require_tool("gcc")
-    if real == "q31" and device == "elbow_mpc":
-        return  # predictive control has no fixed point: its Blocks cannot be lowered
-    loaded = esea_gen.load_device(device)
-    block = next(b for b in loaded.system.kinds if b.name == name)
-    library = compile_system(alone(block), real)
-    judge = judge_of(loaded, block, library)
-    for seed in (1, 2, 3):
-        found = search(block, judge, seed)
-        assert not found.problems, (found.problems, found.ratio, found.stream)

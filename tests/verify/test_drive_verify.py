@@ -17,7 +17,7 @@ from esea_gen.verify.equivalence import verify
 from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.mutation.equivalent import Prover
 from esea_gen.verify.mutation.mutants import mutants
-from esea_gen.verify.verdict import EXACT, LASTING, ONE_STEP, RESIDUAL
+from esea_gen.verify.verdict import LASTING, ONE_STEP, RESIDUAL
 from tests.conftest import require_tool
 from tests.proof.sanitize import GivenRenderer, replay_device, undefined_behaviour
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.ci
 # One fault a Block: what stands in its C, what is put there, which output or state tells of it.
 FAULTS = {
     # The switching term pushes away from the surface.
-    "sliding_mode": (r"law_Nm = u_eq_Nm \+ \(", "law_Nm = u_eq_Nm - (", "u_wanted_Nm"),
+    "sliding_mode": (r"law_Nm = u_eq_Nm \+", "law_Nm = u_eq_Nm -", "u_wanted_Nm"),
     # The energy trips while it is small, and not when it is large.
     "limits": (r"energy_max_J < window_J", "window_J < energy_max_J", "status"),
     # A turn that is counted is forgotten.
@@ -104,18 +104,6 @@ def test_a_fault_in_each_block_is_seen_in_f32_and_told_by_name(drive, f32_faulty
     for name in SOUND:
         assert all(c.passed for c in found.comparisons if c.block == name), name
         assert not re.search(rf"\b{name}\b[^\n]*FAILED", done.output)
-
-
-def test_a_fault_in_each_block_is_seen_in_f64(drive, monkeypatch):
-    library = faulty(drive, "f64")
-    monkeypatch.setattr(equivalence, "compile_device", lambda *_: library)
-    found = verify(drive, ["f64"], blocks=[*FAULTS, *SOUND])
-    for name in FAULTS:
-        items = [c for c in found.comparisons if c.block == name]
-        assert {c.rule for c in items} == {EXACT}
-        assert any(c.bit_identical is False for c in items), name
-        assert any(c.problems for c in items), name
-    assert all(c.passed for c in found.comparisons if c.block in SOUND)
 
 
 @pytest.mark.slow

@@ -58,21 +58,6 @@ def test_f32_stays_within_the_derived_bound(verified):
     assert min(inside) < 0.0005 * verified.full_scale["tau_Nm"]
 
 
-def test_the_nasty_streams_are_nasty(elbow, verified):
-    found = {s.name: s for s in streams(elbow.sensor)}
-    out = {n: run_symbolic(elbow.sensor, s)[0]["status"].astype(int) for n, s in found.items()}
-    bit = {f.name: 1 << i for i, f in enumerate(elbow.sensor.status_port.flags)}
-    assert np.any(out["invalid inputs"] & bit["INPUT_INVALID"])
-    assert np.any(out["corrupt states"] & bit["STATE_REPAIRED"])
-    assert np.any(out["jumps"] & bit["STEP_CLIPPED"])
-    assert np.any(out["noise over the range"] & bit["TORQUE_OUTSIDE"])
-    theta = found["thresholds"].inputs["theta_rad"]
-    assert np.any(theta == elbow.sensor.inputs[0].high)
-    assert np.any(np.signbit(theta) & (theta == 0))
-    limit = np.float32(elbow.file.domain.theta_max_rad.value)
-    assert np.any(np.abs(theta) == limit)
-
-
 def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     """The device's C with one place changed: a mutant."""
     require_tool("gcc")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from functools import cache
 
@@ -14,7 +13,6 @@ from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.verify.traces import (
     MARK,
-    PARTS,
     accept_traces,
     check_traces,
     differences,
@@ -24,7 +22,6 @@ from esea_gen.verify.traces import (
 from tests.conftest import ROOT
 
 TRACES = ROOT / "tests" / "traces"
-H = 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -72,21 +69,6 @@ def checked(name: str) -> tuple[list[str], dict[str, np.ndarray]]:
 def test_every_shipped_device_behaves_as_accepted(name):
     found, _ = checked(name)
     assert not found, "\n".join([*found, "Accept with: esea-gen traces accept"])
-
-
-def test_the_stream_tries_what_it_says(elbow, trace):
-    stream = trace_stream(elbow)[0]["theta_rad"]
-    steps = sum(round(p.duration_s / elbow.period_s) for p in PARTS)
-    assert len(stream) == steps
-    usual = stream[np.isfinite(stream)]
-    assert np.isnan(stream).any()
-    assert np.isinf(stream).any()
-    assert np.array_equal(usual, usual.astype(np.float32))
-    words = np.bitwise_or.reduce(trace.outputs["sensor_status"].astype(int))
-    seen = {n for i, n in enumerate(trace.flags["sensor_status"]) if words >> i & 1}
-    assert {"INPUT_INVALID", "THETA_OUTSIDE", "RATE_OUTSIDE", "TORQUE_OUTSIDE"} <= seen
-    chirp = slice(10, 159)  # its rows
-    assert not trace.outputs["sensor_status"][chirp].any()
 
 
 def test_a_changed_parameter_shows(stored):
@@ -185,33 +167,3 @@ def test_a_folder_that_cannot_be_written(elbow, tmp_path):
 @pytest.fixture(scope="module")
 def stream() -> dict[str, np.ndarray]:
     return checked("elbow_drive")[1]
-
-
-def stretches(x: np.ndarray) -> list[tuple[float, float, float]]:
-    """Values of a piecewise constant signal: value, first time, end."""
-    edges = [0, *(np.flatnonzero(np.diff(x)) + 1).tolist(), len(x)]
-    return [(float(x[a]), round(a * H, 4), round(b * H, 4)) for a, b in itertools.pairwise(edges)]
-
-
-def test_both_modes_run_and_are_left_and_entered_again(stream):
-    modes = stretches(stream["mode"])
-    assert [m for m, _, _ in modes] == [0, 1, 2, 0, 1]
-    # Long enough for what fades in a second, and at rest long enough to be armed again.
-    assert all(end - begin > 0.4 for mode, begin, end in modes if mode)
-    for mode, begin, _ in modes:
-        if mode == 1:
-            # Each time after a request of its own, which came while the drive was off.
-            asked = [t for n, t, _ in stretches(stream["rearm"]) if n and t < begin]
-            off = stream["mode"][round(asked[-1] / H)]
-            assert off == 0
-
-
-def test_it_is_stopped_and_loses_frames_while_it_is_on(stream):
-    (stop,) = [s for s in stretches(stream["stop"]) if s[0]]
-    assert stream["mode"][round(stop[1] / H) - 1] == 2
-    assert stream["mode"][round(stop[1] / H)] == 0
-    (lost,) = [s for s in stretches(stream["frame_error_load"]) if s[0]]
-    assert lost[0] == 2.0
-    assert lost[2] - lost[1] == pytest.approx(0.002)
-    assert stream["mode"][round(lost[1] / H)] == 2
-    assert not np.any(stream["frame_error_motor"])

@@ -87,10 +87,10 @@ def operator(feed, live, tmp_path):
     return window
 
 
-def wrist(feed, live, tmp_path):
+def wrist(feed, live, tmp_path, board="wrist_drive"):
     from esea_host.windows.wrist_running import FilmedWrist
 
-    made = FilmedWrist("wrist_board", tmp_path / "w.toml")
+    made = FilmedWrist(board, tmp_path / "w.toml")
     made.draw()
     return made.window
 
@@ -174,6 +174,16 @@ def test_without_a_motor_the_place_of_stop_says_so(qtbot):
     assert "nothing to stop" in window.stop_button.text()
     assert not window.stop_button.isEnabled()
     assert window.stop_button.visibleRegion().boundingRect() == window.stop_button.rect()
+
+
+def test_without_a_motor_stop_ends_the_calibration(qtbot, tmp_path):
+    window = wrist(None, None, tmp_path, "wrist_board")
+    qtbot.addWidget(window)
+    assert not window.stop_button.isEnabled()
+    window.calibrate()
+    assert window.display.guide is not None
+    window.stop()
+    assert (window.display.guide, window.stop_asked_s) == (None, 0.0)
 
 
 def test_escape_that_closes_something_does_not_stop_all_else_does(live, qtbot):

@@ -308,7 +308,7 @@ def test_a_recording_is_played_in_the_window_at_any_speed(seen, qtbot, tmp_path)
         assert feed.rings["sense_out"].last().after_gap.sum() == 1
         qtbot.waitUntil(window.panels[0].limit_lines[1].isVisible, timeout=120_000)
         qtbot.waitUntil(
-            lambda: "b.mcap (damaged), its end" in window.bar.words.text(), timeout=120_000
+            lambda: "b.mcap (damaged), at its end" in window.bar.words.text(), timeout=120_000
         )
         assert not window.stop_button.isEnabled()
         qtbot.keyClick(window, Qt.Key.Key_Space)

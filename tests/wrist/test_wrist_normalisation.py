@@ -13,10 +13,8 @@ from esea_host.wrist.calibration import crossings, node_speeds, quality
 from esea_host.wrist.normalisation import (
     NodeSpeeds,
     fit_rbf,
-    linear_map,
     node_places,
     normalise,
-    plain_map,
 )
 
 FORMS = [
@@ -126,18 +124,6 @@ def test_the_unit_of_the_angle_does_not_matter(form):
     a = normalise(HEALTHY, CONSTRAINED, **form).position(theta)
     b = normalise(other(HEALTHY), other(CONSTRAINED), **form).position(k * theta)
     assert k * a == pytest.approx(b, abs=1e-9)
-
-
-def test_range_ends_map_as_the_scaling_implies():
-    """Half as fast everywhere in half the range: the healthy range, end to end."""
-    healthy = speeds(-60.0, 60.0, [60.0] * 11)
-    constrained = speeds(-50.0, 10.0, [30.0] * 5)
-    found = normalise(healthy, constrained)
-    assert found.position([-50.0, 10.0]) == pytest.approx([-60.0, 60.0], abs=1e-9)
-    linear = linear_map(healthy, constrained)
-    assert linear.position([-50.0, 10.0]) == pytest.approx([-60.0, 60.0], abs=1e-9)
-    plain = plain_map(constrained)
-    assert plain.position([-50.0, 10.0]) == pytest.approx([-30.0, 30.0], abs=1e-12)
 
 
 def test_a_drift_free_map_comes_back_where_it_was():

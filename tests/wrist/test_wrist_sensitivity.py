@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.people.person import PersonModel
 from esea_host.wrist import sensitivity as shifted
 from esea_host.wrist.analysis import TableLine, WristResult
-from esea_host.wrist.sensitivity import SPANS, changed, conclusion, effects_of
+from esea_host.wrist.sensitivity import SPANS, conclusion, effects_of
 
 
 @pytest.mark.parametrize(
@@ -23,13 +22,6 @@ from esea_host.wrist.sensitivity import SPANS, changed, conclusion, effects_of
 )
 def test_a_conclusion_is_three_quarters_of_the_ranks(effect, said):
     assert conclusion(effect) == said
-
-
-def test_another_conclusion_is_named_with_what_it_was():
-    usual = {"a": -1.0, "b": 0.2, "c": None}
-    assert changed(usual, {"a": -0.6, "b": -0.4, "c": None}) == ()
-    found = changed(usual, {"a": 0.0, "b": 0.9, "c": 1.0})
-    assert found == ("a: more to neither", "b: neither to less", "c: none to less")
 
 
 def answered(effect):
@@ -96,9 +88,3 @@ def test_every_low_end_is_below_the_model_and_every_high_end_above():
         low, middle, high = map(np.array, (x.low, getattr(usual, x.field), x.high))
         assert np.all(low < middle), x.name
         assert np.all(middle < high), x.name
-
-
-def test_it_is_of_the_wrist_study_alone():
-    words = ["study", "virtual", "interaction", "--sensitivity"]
-    done = CliRunner().invoke(app, words)
-    assert isinstance(done.exception, UserError)

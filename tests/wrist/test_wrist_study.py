@@ -360,16 +360,6 @@ def test_from_calibration_to_the_tables(studied, result):
 
 
 @pytest.mark.ci
-def test_a_virtual_session_replays_to_the_same_scenes(studied):
-    study = StudyFolder.open(studied)
-    (path,) = [p for _, _, p in study.sessions()]
-    found = list(replay(path))
-    assert len(found) > 1000
-    assert all(same for _, _, same in found)
-    assert study.problems() == []
-
-
-@pytest.mark.ci
 def test_figures_show_every_participant(studied, result):
     figure = distributions(result, "7.2 validation, FE")
     assert [len(a.lines) for a in figure.axes] == [2, 2, 2]

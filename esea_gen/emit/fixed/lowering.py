@@ -128,7 +128,7 @@ class Lowering(Elementary):
             return v
         label = self.labels.get(i)
         boolean = v.expr.bits == 1
-        if boolean and self.uses[i] == 1 and label is None:
+        if label is None and self.uses[i] == 1 and (boolean or i in self.clips):
             return v
         n = self.kernel.nodes[i]
         if n.op == "input":

@@ -109,7 +109,7 @@ def _prepare(
         scale = Fraction(2) ** fraction
         least, most = math.floor(low * scale), math.ceil(high * scale)
         fields.append(FieldPlan(p, fraction, max(f.low, least), min(f.high, most)))
-    others = meanings(block, "prepare", kernel, {}, stem)
+    others = meanings(block, "prepare", kernel, stem)
     made = Lowering(kernel, source, wide=wide, block=block.name, others=others).run(fields, True)
     return made, tuple(fields)
 
@@ -131,7 +131,7 @@ class Planner:
         self.facts = {node: block.facts[n] for node, n, _ in labels if n in block.facts}
         self.kept = Kept()
         self.known = {room: Known() for room in (0.0, BEYOND)}
-        self.others = meanings(block, "step", self.kernel, self.labels, stem)
+        self.others = meanings(block, "step", self.kernel, stem)
         count = len(block.state)
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
         out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}

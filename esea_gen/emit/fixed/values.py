@@ -188,6 +188,10 @@ class LoweringBase:
         self.values: list[Value | None] = []
         self.names: set[str] = set()
         self.uses = use_counts(self.kernel)
+        # A minimum whose maximum is taken is printed within it.
+        nodes = self.kernel.nodes
+        ends = {a for n in nodes if n.op == "fmax" for a in n.args}
+        self.clips = {a for a in ends if nodes[a].op == "fmin"}
         for r in self.kernel.results:
             for i in r:
                 self.uses[i] += 1

@@ -12,7 +12,7 @@ import numpy as np
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, early_stores
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare
 from esea_gen.emit.walker import (
     OPERATIONS,
     Kernel,
@@ -30,6 +30,11 @@ from esea_gen.language.system import System
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
 _CHAINS = frozenset({"and", "or", "add"})  # read from the left, brackets or none
+# Longest text of a value that is printed where it is used.
+_SHORT = {"mul": 34, "sub": 34, "add": 34, "neg": 34, "fabs": 60, "fmin": 60, "fmax": 60}
+_CALLS = frozenset({"fabs", "fmin", "fmax", "sign", "sqrt", "exp", "log", "tanh", "pow"})
+# Operands that need no brackets.
+_SEPARATED = _CALLS | {"lt", "le", "eq", "ne"}
 
 
 class FloatingFormat(Format):
@@ -81,7 +86,7 @@ class FloatingFormat(Format):
         if block.tunables:
             prepare = self.function(block, "prepare", self.passes(walk(block.prepare)))
         step = self.function(block, "step", kernel, names)
-        return EmittedBlock(block, prepare, init, step, early_stores(block, step))
+        return EmittedBlock(block, prepare, init, step)
 
     def function(
         self,
@@ -90,7 +95,7 @@ class FloatingFormat(Format):
         kernel: Kernel,
         names: dict[int, tuple[str, str]] | None = None,
     ) -> PrintedKernel:
-        others = meanings(block, function, kernel, names or {})
+        others = meanings(block, function, kernel)
         if function == "prepare":
             access = _access([("params", block.tunables)])
             return print_kernel(kernel, self, access, {}, others=others)
@@ -167,6 +172,8 @@ def print_kernel(
                 text = bare(text)  # as C reads it anyway
             elif is_condition and not kernel.nodes[a].boolean:
                 text = f"({text} != {fmt.literal(0.0)})"
+            elif n.op in _SEPARATED or (n.op in SELECTING and kernel.nodes[a].op == "const"):
+                text = bare(text)
             operands.append(text)
         text = fmt.expression(n, operands, kernel)
         named = labels.get(i)
@@ -175,18 +182,21 @@ def print_kernel(
             named is None
             and i not in wanted
             and uses[i] == 1
-            and (n.boolean or (n.op in ("mul", "sub", "add", "neg") and len(text) <= 34))
+            and (n.boolean or len(text) <= _SHORT.get(n.op, 0))
         )
         if inline:
-            atoms.append(f"({text})")
+            atoms.append(text if n.op in _CALLS else f"({text})")
             if n.op in _CHAINS:
                 chained[i] = n.op
             continue
         c_type = "bool" if n.boolean else fmt.c_type
         statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
-    results = tuple(
-        tuple(number(atoms[i]) if kernel.nodes[i].boolean else atoms[i] for i in r)
-        for r in kernel.results
-    )
+
+    def result(k: int, i: int) -> str:
+        if kernel.nodes[i].boolean:
+            return number(atoms[i])
+        return f"(uint32_t){atoms[i]}" if k in words and i not in bits else atoms[i]
+
+    results = tuple(tuple(result(k, i) for i in r) for k, r in enumerate(kernel.results))
     return PrintedKernel(tuple(statements), results, frozenset(arguments))

@@ -13,7 +13,7 @@ from esea_gen.emit.fixed.lowering import rewrite
 from esea_gen.emit.fixed.naming import FixedNaming
 from esea_gen.emit.fixed.values import LoweredKernel
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, early_stores
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement
 from esea_gen.emit.walker import Kernel, fuse_selects
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
@@ -59,13 +59,11 @@ class Q31(Format):
 
     def emit(self, block: Block) -> EmittedBlock:
         plan = plan_block(block)
-        step = print_lowered(plan.step)
         return EmittedBlock(
             block,
             print_lowered(plan.prepare) if plan.prepare else None,
             print_lowered(plan.init),
-            step,
-            early_stores(block, step),
+            print_lowered(plan.step),
         )
 
     def naming(self, system: System) -> FixedNaming:

@@ -12,7 +12,6 @@ import casadi as ca
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.formats.floating import FloatingFormat
-from esea_gen.emit.printed import early_stores
 from esea_gen.emit.program_c import emit_program
 from esea_gen.emit.render import COUNTER, Renderer
 from esea_gen.emit.walker import Kernel, walk
@@ -75,8 +74,6 @@ def _edited(
     assert isinstance(renderer.fmt, FloatingFormat)
     printed = renderer.fmt.function(block, function, changed, names)
     emitted: Any = replace(cast(Any, renderer.emitted[block.name]), **{function: printed})
-    if function == "step":
-        emitted = replace(emitted, stores=early_stores(block, printed))
     return renderer.render(emitted.template, e=emitted)
 
 
@@ -137,18 +134,15 @@ def _with_ports(
     changed = replace(printed, results=tuple(rows))
     parts: dict[str, Any] = {group: ports}
     other = replace(block, **parts)
-    if (function, group) == ("step", "state"):  # stored among the statements
-        emitted = replace(emitted, stores=early_stores(other, changed))
-    else:
-        emitted = replace(emitted, block=other, **{function: changed})
+    emitted = replace(emitted, block=other, **{function: changed})
     return renderer.render(emitted.template, e=emitted)
 
 
 _COUNTERS = {
-    "counter wraps": COUNTER.replace(" && ({n} != UINT32_MAX)", ""),
-    "counter inverted": COUNTER.replace("!= 0u", "== 0u"),
-    "counter counts always": COUNTER.replace("((out->{port} & {bit}) != 0u) && ", ""),
-    "counter sticks": COUNTER.replace(" += ", " = ").replace(" && ({n} != UINT32_MAX)", ""),
+    "counter wraps": "{n} += (out->{port} & {bit}) != 0u ? 1u : 0u;",
+    "counter inverted": COUNTER.replace("out->", "~out->"),
+    "counter counts always": COUNTER.replace("out->{port} & {bit}", "1u"),
+    "counter sticks": "{n} = (out->{port} & {bit}) != 0u ? 1u : 0u;",
 }
 
 

@@ -173,6 +173,9 @@ static void port_sample(float *measured)
         put_count(&measured[gear[0]], drive.slot_rev[0], ESEA_GEAR_BITS, silent == 0u && slot_valid(0u));
     }
 #endif
+#ifdef ESEA_LINK_MEASURED_MOTOR_C
+    measured[ESEA_LINK_MEASURED_MOTOR_C] = drive.motor_C; /* 0 where no thermistor is configured */
+#endif
     if (!on)
         query(false, 0.0f);
 }

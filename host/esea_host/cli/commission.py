@@ -106,7 +106,7 @@ def commission(
             passed = _in_terminal(bench, chosen, options, record)
     all_steps = tuple((s.name, s.title) for s in steps_of(bench.board))
     say(record.summary(all_steps, bench.board.digest))
-    out.print(f"record: {record.folder}")
+    out.print(f"record: {record.folder}" if record.entries else "Nothing was recorded.")
     if not passed:
         raise typer.Exit(1)
 
@@ -194,7 +194,7 @@ def _in_terminal(
             bench.device.stop(again=True)
             out.print(f"{step.title}: ended; the board is told to stop")
             return False
-        say(result.lines())
+        say(result.lines(bench.device.simulated))
         record.add(result, bench.device)
         passed = passed and result.passed
         if not result.passed:

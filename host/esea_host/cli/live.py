@@ -40,6 +40,7 @@ from esea_host.connection import ConnectedDevice, Subscription, open_device
 from esea_host.connection.address import driven_by
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
+from esea_host.windows.meanings import fault_text
 
 SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
@@ -261,8 +262,13 @@ def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption =
     with open_device(address, device, key) as board:
         board.zero()
         time.sleep(ZERO_S)
-        out.print(f"{_said(board)}: {board.state()}")
-        if board.state() != "READY":
+        if (state := board.state()) == "FAULT":
+            f = fault_text(board.session.dialect, board.fault())
+            out.print(f"{_said(board)}: fault {f.number} {f.name}: {f.meaning}.")
+            told(f"What to do: {f.cure}.")
+            raise typer.Exit(1)
+        out.print(f"{_said(board)}: {state}")
+        if state != "READY":
             told("The board did not stand still. Hold both sides of each coupling, and zero again.")
             raise typer.Exit(1)
 

@@ -149,7 +149,7 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
         found[f"{side}_ratio"] = ratio
         checks.append(
             StartupCheck(
-                "encoders", f"{side} side: motion over that of the motor's encoder, off 1",
+                "encoders", f"{side} side: error of its ratio to the motor's encoder",
                 100 * abs(ratio - 1), 100 * RATIO_OFF, "%",
                 "Correct actuator.gear_ratio or actuator.encoder_bits in the device file, or the "
                 "encoder's correction.",
@@ -204,7 +204,7 @@ def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
     found |= {"ratio": ratio, "difference_rad": worst}
     checks = (
         StartupCheck(
-            "encoders", "motion of the load side over the motor side's, off 1",
+            "encoders", "error of the ratio of load side to motor side",
             100 * abs(ratio - 1), 100 * RATIO_OFF, "%",
             "Turn both sides together; look at both magnets, and at encoder.resolution_bits.",
         ),

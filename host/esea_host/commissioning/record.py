@@ -128,8 +128,9 @@ class StepResult:
         """Whether there was something to judge, and all of it is within its limits."""
         return self.problem is None and bool(self.checks) and all(c.passed for c in self.checks)
 
-    def lines(self) -> list[str]:
-        out = [f"{self.title}: {'PASSED' if self.passed else 'FAILED'}"]
+    def lines(self, simulated: bool = False) -> list[str]:
+        kind, word = " (simulated)" * simulated, "PASSED" if self.passed else "FAILED"
+        out = [f"{self.title}{kind}: {word}"]
         out += [f"  {self.note}"] if self.note else []
         if self.problem is not None:
             out += [f"  {self.problem[0]}", f"    Fix: {self.problem[1]}"]

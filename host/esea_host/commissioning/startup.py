@@ -105,7 +105,8 @@ class StartupCheck:
     def line(self) -> str:
         """For people."""
         word = "within" if self.passed else "ABOVE"
-        return f"{self.what}: {self.value:.3g}, {word} {self.limit:.3g} {self.unit}".rstrip()
+        value, limit = (f"{x:.3g} {self.unit}".rstrip() for x in (self.value, self.limit))
+        return f"{self.what}: {value}, {word} {limit}"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready, units in the keys."""

@@ -107,7 +107,7 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
     torque = abs(float(np.mean(c["tau_Nm"])))
     checks = (
         StartupCheck("zero", "joint away from its zero", at, REST_RAD, "rad", AGAIN),
-        StartupCheck("zero", "motion while it is to stand", float(spread), REST_RAD, "rad", AGAIN),
+        StartupCheck("zero", "motion at rest", float(spread), REST_RAD, "rad", AGAIN),
         StartupCheck(
             "zero", "sensed torque with nothing on it", torque, _limit_Nm(bench, "zero"), "Nm",
             "Take off what pulls at the joint, and zero again.",
@@ -194,21 +194,21 @@ def _friction(bench: CommissioningBench, _: StepOptions) -> StepResult:
     look = "Look for a cable that rubs, a tight bearing, too much tension."
     checks = (
         StartupCheck(
-            "friction", f"friction at {max(FRICTION_RAD_S):g} rad/s over the motor's most",
+            "friction", f"friction at {max(FRICTION_RAD_S):g} rad/s, of the motor's largest torque",
             100 * lost / full_Nm, 100 * FRICTION_SHARE, "%", look,
         ),
         StartupCheck(
-            "friction", "Coulomb friction over the device file's",
+            "friction", "Coulomb friction, of the device file's value",
             100 * f.fc.value / a.fc_Nm.value, 200.0, "%",
             f"{look}  If it is the machine's own, write it into the device file.",
         ),
         StartupCheck(
-            "friction", "half the interval of the Coulomb friction, of it",
+            "friction", "half the interval of the Coulomb friction, of its value",
             100 * f.fc.half / abs(f.fc.value), 30.0, "%",
             "Turn it evenly, and to and fro at each speed.",
         ),
         StartupCheck(
-            "friction", "Coulomb friction below nothing", max(0.0, -f.fc.value), 0.0, "Nm",
+            "friction", "negative Coulomb friction", max(0.0, -f.fc.value), 0.0, "Nm",
             "A torque that helps is none: do the steps 'encoders' and 'torque' again.",
         ),
     )  # fmt: skip
@@ -253,7 +253,7 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
         error_Nm = float(np.sqrt(np.mean((c["tau_Nm"] - c["tau_desired_Nm"])[200:] ** 2)))
         checks = (
             StartupCheck(
-                "sign", "sensed torque off the wanted one, effective", error_Nm, 0.5 * most_Nm,
+                "sign", "rms error of the torque", error_Nm, 0.5 * most_Nm,
                 "Nm", "Look at the live view: which limit acts, and whether the cable is tight.",
             ),
         )  # fmt: skip

@@ -261,7 +261,7 @@ def _checks(
             "Do the step 'zero' again, with nothing on the joint.",
         ),
         (
-            "motor's torque over the known one, off 1",
+            "error of the motor's torque, of the known one",
             100 * abs(found["motor_over_known"] - 1), MOTOR_PCT, "%", _suspects(found),
         ),
     )  # fmt: skip

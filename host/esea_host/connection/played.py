@@ -65,7 +65,7 @@ class PlayedBoard(ConnectedDevice):
         """That it is a recording, whether it has ended, and whether it is complete."""
         text = f"RECORDED: {shown(self.log.path.name)}"
         text += "" if self.log.whole else f" ({self.log.state.value})"
-        return text + (", its end" if self.ended else "")
+        return text + (", at its end" if self.ended else "")
 
     def health(self) -> dict[str, int]:
         """The recording's own gaps."""

@@ -179,7 +179,7 @@ def explain(protocol: Protocol) -> str:
         wait = f", {session.after_days:g} days or more after the last" if k else ""
         lines.append(
             f"  session {k + 1}, {session.name}{wait}: {len(plan.trials)} trials, at most "
-            f"{(longest + rests) / 60:.0f} min ({rests / 60:.0f} min of them rests)"
+            f"{_lasts(longest + rests)} ({_lasts(rests)} of them rests)"
         )
         for block in session.block:
             lines.append("    " + _block_in_words(block))
@@ -189,6 +189,10 @@ def explain(protocol: Protocol) -> str:
         "trials in a row fail"
     )
     return "\n".join(lines)
+
+
+def _lasts(time_s: float) -> str:
+    return f"{time_s:.0f} s" if time_s < 60 else f"{time_s / 60:.0f} min"
 
 
 def durations_s(plan: Plan) -> tuple[float, float]:

@@ -136,7 +136,7 @@ class AssessWindow(StopWindow):
         if self.desk.patient is not None:
             jobs.insert(0, ("Move the simulated leg", "Ctrl+M", self.move_leg))
         if self.panel is None:
-            self.bar.without_stop("No motor:\nnothing to stop")
+            self.bar.without_stop()
         else:
             steps = {"Keep": ("K", self.desk.keep), "Repeat": ("R", self.desk.repeat)}
             for name, (key, job) in (steps | {"Zero": ("Ctrl+0", self.panel.board.zero)}).items():

@@ -26,6 +26,7 @@ class _Plot(PlotPanel):
     def __init__(self, title: str, x: str, y: str, limits: Sequence[float] = ()) -> None:
         self.view = pg.PlotWidget()
         super().__init__(self.view.getPlotItem(), title, x, y)
+        self.item.layout.setContentsMargins(1, 1, 8, 1)
         self.limits = [pg.InfiniteLine(angle=a) for a in limits]
         for line in self.limits:
             self.item.addItem(line, ignoreBounds=True)

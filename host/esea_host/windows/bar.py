@@ -218,7 +218,7 @@ class BoardBar(QWidget):
         self.badge.setVisible(bool(badge))
         self.who.setText(who)
 
-    def without_stop(self, why: str) -> None:
+    def without_stop(self, why: str = "No motor:\nnothing to stop") -> None:
         """Nothing is there to be stopped: the place says so."""
         self.stop_button.setText(why)
         self.stop_button.setEnabled(False)

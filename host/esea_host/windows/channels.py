@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPalette
 from PySide6.QtWidgets import QLineEdit, QTreeWidget, QTreeWidgetItem, QWidget
 
 from esea_host.recording.layout import StreamColumn
 from esea_host.windows.frame import column_of
-from esea_host.windows.theme import plain_tip
+from esea_host.windows.theme import Theme, plain_tip
 
 
 class ChannelTree(QWidget):
@@ -41,6 +42,12 @@ class ChannelTree(QWidget):
         self.tree.itemChanged.connect(lambda *_: changed())
         self.tree.itemActivated.connect(_toggle)
         self.setLayout(column_of(self.search, self.tree))
+
+    def show_theme(self, theme: Theme) -> None:
+        """Edges of boxes are darker than the window: its colour here is one that is seen."""
+        palette = theme.palette()
+        palette.setColor(QPalette.ColorRole.Window, QColor(theme.soft))
+        self.tree.setPalette(palette)
 
     def _sift(self, text: str) -> None:
         # Every word somewhere; groups open where something is found.

@@ -10,8 +10,11 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.image import imread
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QPixmap
+from PySide6.QtGui import QCloseEvent, QImage, QKeyEvent, QPixmap
 from PySide6.QtWidgets import QLabel, QListWidget
 
 from esea_host.commissioning import (
@@ -39,9 +42,9 @@ from esea_host.windows.frame import (
     run_until_closed,
 )
 from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
-from esea_host.windows.theme import DARK, LIGHT
+from esea_host.windows.theme import DARK, LIGHT, Theme
 
-LOOK_MS = 200
+LOOK_MS, MARGIN_PX, FIGURE_DPI = 200, 24, 80
 STANDS = ("STOPPING", "STOPPED", "FAULT")
 
 
@@ -77,15 +80,14 @@ class CommissioningWindow(StopWindow):
         who = f"{bench.board.name}: commissioning"
         self.setWindowTitle(f"{kind} {who} - esea-host".strip())
         self.bar.mark(kind, who)
-        self.set_theme(DARK if dark else LIGHT)
         self._build()
+        self.set_theme(DARK if dark else LIGHT)
         self.timer.timeout.connect(self.refresh)
         self.timer.start(LOOK_MS)
         self.refresh()
 
     def _build(self) -> None:
         self.list = QListWidget()
-        self.list.setFixedWidth(240)
         self.list.setAccessibleName("Steps")
         self.list.currentRowChanged.connect(self._choose)
         self.head, self.text, self.picture = QLabel(), QLabel(), QLabel()
@@ -100,12 +102,18 @@ class CommissioningWindow(StopWindow):
         device = self.bench.device
         for name, job in ((RELEASE, device.release), (CLEAR, device.clear)):
             self.bar.add_step(name, StepButton(name, "", partial(self._command, name, job)))
+        self.add_menu("&View", [("Dark, light", "T", self.toggle_theme)])
         self.add_menu("&Board", [(STOP_NAME, "", self.stop)])
         right = column_of(self.head, self.text, (self.picture, 1))
         self.fill(row_of(self.list, (right, 1)), reads=True)
         self.list.addItems([s.title for s in self.steps])
         self._rename()
         self.list.setCurrentRow(0)
+
+    def set_theme(self, theme: Theme) -> None:
+        super().set_theme(theme)
+        if not self.busy:
+            self._choose(0)
 
     @property
     def step(self) -> CommissioningStep:
@@ -122,6 +130,7 @@ class CommissioningWindow(StopWindow):
             word = "" if entry is None else "  passed" if entry["passed"] else "  FAILED"
             self.list.item(i).setToolTip("" if entry is None else done_at(entry))
             self.list.item(i).setText(f"{mark}{i + 1}. {step.title}{word}")
+        self.list.setFixedWidth(self.list.sizeHintForColumn(0) + MARGIN_PX)
 
     def _choose(self, _: int) -> None:
         step = self.step
@@ -246,14 +255,26 @@ class CommissioningWindow(StopWindow):
 
     def _show_result(self, result: StepResult) -> None:
         colour = self.theme.good if result.passed else self.theme.alarm
-        first, *rest = (html.escape(x) for x in result.lines())
+        first, *rest = (html.escape(x) for x in result.lines(self.bench.device.simulated))
         more = "<br>".join(x.replace("  ", "&nbsp;&nbsp;") for x in rest)
         self.text.setText(f'<p style="color:{colour}; font-size:17px"><b>{first}</b></p>{more}')
-        drawn = io.BytesIO()
-        result.picture.savefig(drawn, format="png", dpi=80)
-        picture = QPixmap()
-        picture.loadFromData(drawn.getvalue())
-        self.picture.setPixmap(picture)
+        self.picture.setPixmap(self._drawn(result.picture))
+
+    def _drawn(self, figure: Figure) -> QPixmap:
+        # As it is printed; on a dark ground the lightness is turned over, and hues stay.
+        drawn, scale = io.BytesIO(), self.devicePixelRatioF()
+        figure.savefig(drawn, format="png", dpi=FIGURE_DPI * scale)
+        drawn.seek(0)
+        pixels = imread(drawn)[..., :3]
+        if self.theme is DARK:
+            pixels += 1 - pixels.max(-1, keepdims=True) - pixels.min(-1, keepdims=True)
+            ground = np.array([*bytes.fromhex(DARK.ground[1:])]) / 255
+            pixels = ground + pixels * (1 - ground)
+        height, width, _ = pixels.shape
+        data = (255 * pixels).round().astype(np.uint8).tobytes()
+        picture = QPixmap(QImage(data, width, height, 3 * width, QImage.Format.Format_RGB888))
+        picture.setDevicePixelRatio(scale)
+        return picture
 
     # -- keys ------------------------------------------------------------------------------------
 

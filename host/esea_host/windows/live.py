@@ -81,7 +81,7 @@ class LiveWindow(StopWindow):
         self.readout = QLabel()
         self.readout.setTextFormat(Qt.TextFormat.RichText)
         if self.played is not None or not self._drives:
-            self.bar.without_stop("Recording" if self.played else "No motor:\nno stop needed")
+            self.bar.without_stop(*(["Recording"] if self.played else []))
         self.axis_box = Choice()
         self.axis_box.addItems(list(self.columns.axes))
         self.axis_box.currentIndexChanged.connect(self.choose_axis)
@@ -120,6 +120,8 @@ class LiveWindow(StopWindow):
             self.area, len(self.panels) + 1, self.columns.flags(self.axis), title
         )
         self._offer()
+        for item in (self.bands.item, *(p.item for p in (*self.panels, self.chosen))):
+            item.getAxis("left").setWidth(self.bands.axis_px())
         for panel in (*self.panels, self.chosen):
             panel.item.setXLink(self.bands.item)
         for plot in (*(p.item for p in (*self.panels, self.chosen)), self.bands.item):
@@ -361,6 +363,7 @@ class LiveWindow(StopWindow):
         for panel, signals in zip(self.panels, self._signals, strict=True):
             own = {"wanted": theme.wanted, "set": theme.good}
             panel.show(signals, theme, [own.get(s.label, theme.measured) for s in signals])
+        self.channels.show_theme(theme)
         self._choose()
         self.bands.show(theme)
         if self.loop is not None:

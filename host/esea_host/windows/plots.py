@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from html import escape
 from typing import Any, ClassVar
@@ -22,8 +22,8 @@ from esea_host.windows.theme import Theme
 
 MOST_POINTS = 1400  # of a curve: two for each column of pixels
 MOST_ROWS, LEAST_ROWS, LEAST_PX = 8192, 64, 230  # of a spectrum, and its height
-MOST_BANDS, AXIS_PX, BANDS_PX, PANEL_PX = 4, 140, 112, 66
-NUMBER_PX = 12  # from number to number of an axis, above each other
+MOST_BANDS, LEAST_AXIS_PX, BANDS_PX, PANEL_PX = 4, 60, 112, 66
+NUMBER_PX, MOST_TICKS = 12, 6  # from number to number of an axis, above each other
 LEAST_SPAN = {"Nm": 0.1, "deg": 0.5}  # of an axis, that noise at rest does not fill it
 FADES, MEAN_ROWS = 8, 100  # steps in which the past fades; of the line, beside the encoders' steps
 LOOP = (("theta_rad", "rad", "deflection"), ("tau_Nm", "Nm", "measured torque"))
@@ -34,16 +34,15 @@ def legend(named: Iterable[tuple[str, str]]) -> str:
     return " &nbsp; ".join(coloured(f"\u2501 {name}", colour) for name, colour in named)
 
 
-def _apart(
-    asked: Callable[..., list[tuple[float, float]]], low: float, high: float, size_px: float
-) -> list[tuple[float, float]]:
-    # Major ticks only: some, but no two numbers on each other.
-    found = asked(low, high, size_px)[:1]
-    if found and 4 * found[0][0] > high - low:
-        found = [(found[0][0] / 2, found[0][1])]
-    while found and found[0][0] * size_px < NUMBER_PX * (high - low):
-        found = [(2 * found[0][0], found[0][1])]
-    return found
+def _apart(low: float, high: float, size_px: float) -> list[tuple[float, float]]:
+    # No two numbers on each other; steps of one digit, for numbers are rounded to it.
+    least = (high - low) * max(NUMBER_PX / max(size_px, 1), 1 / MOST_TICKS)
+    if not 0 < least < math.inf:
+        return []
+    digit = 10.0 ** math.floor(math.log10(least))
+    at = [k * digit for k in (1, 2, 4, 5, 8, 10, 20) if k * digit >= least]
+    usual = next(x for x in at if round(x / digit) not in (4, 8))
+    return [(usual if 2 * usual <= high - low else at[0], 0.0)]
 
 
 class PlotPanel:
@@ -56,8 +55,7 @@ class PlotPanel:
         # A long title is cut at its end; it would widen the plot beyond its view.
         item.titleLabel.setAttr("justify", "left")
         item.titleLabel.updateMin = lambda: None
-        upright = item.getAxis("left")
-        upright.tickSpacing = partial(_apart, upright.tickSpacing)
+        item.getAxis("left").tickSpacing = _apart
 
     def dress(self, theme: Theme, more: str = "") -> None:
         """Title with what comes after it, labels, axes and grid."""
@@ -120,7 +118,6 @@ class TimePlot(SignalPlot):
         super().__init__(area.addPlot(row=row, col=0), title)
         self.unit = unit
         self.item.getAxis("bottom").setStyle(showValues=False)
-        self.item.getAxis("left").setWidth(AXIS_PX)
         self.limit_lines = [pg.InfiniteLine(angle=0) for _ in range(2)]
         for line in self.limit_lines:
             line.setVisible(False)
@@ -214,7 +211,6 @@ class LimitBands(PlotPanel):
 
     def __init__(self, area: Any, row: int, flags: list[tuple[str, LimitFlag]], title: str) -> None:
         super().__init__(area.addPlot(row=row, col=0), title, "time on the board's clock [s]")
-        self.item.getAxis("left").setWidth(AXIS_PX)
         self.item.setMouseEnabled(y=False)
         self.item.setYRange(-0.6, MOST_BANDS - 0.4, padding=0)
         self.item.invertY(True)
@@ -229,6 +225,12 @@ class LimitBands(PlotPanel):
         pen.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._bands.setPen(pen)
         self.dress(theme)
+
+    def axis_px(self) -> int:
+        """The width that its names need: one that does not fit is left out."""
+        letters = self.item.getViewWidget().fontMetrics()
+        wide = [int(letters.horizontalAdvance(f.name)) for _, f in self.flags]
+        return max(LEAST_AXIS_PX, *wide) + 2 * NUMBER_PX
 
     def acting(self, shown: Shown) -> list[LimitFlag]:
         return [f for s, f in self.flags if f.held(shown[s].rows).any()]
@@ -313,6 +315,9 @@ class SpectrumPlot(SignalPlot):
     def __init__(self, area: Any, row: int) -> None:
         super().__init__(area.addPlot(row=row, col=0), "Spectrum", "Hz")
         self.item.setLogMode(x=True, y=True)
+        # Whole decades: others have no number.
+        upright = self.item.getAxis("left")
+        upright.tickSpacing = lambda *given: [(max(1.0, step), 0.0) for step, _ in _apart(*given)]
         self.item.setVisible(False)
         self._layout, self._row = area.ci.layout, row
 

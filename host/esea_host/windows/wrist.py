@@ -186,14 +186,18 @@ class WristWindow(StopWindow):
 
     def _actions(self) -> None:
         self.add_menu("&View", [("Dark, light", "T", self.toggle_theme)])
+        if not self.keeper.there:
+            self.bar.without_stop()
         self.add_board_steps(self.feed, self.keeper.there, self._rest)
 
     # -- asking ------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        self.feed.stop()
-        self.keeper.wanted = False
-        self.stop_asked_s = time.monotonic()
+        """Stop the motors, if there are any, and end a calibration."""
+        if self.keeper.there:
+            self.feed.stop()
+            self.keeper.wanted = False
+            self.stop_asked_s = time.monotonic()
         self._end_guide("The calibration was stopped.")
 
     def _rest(self) -> None:
@@ -335,7 +339,7 @@ class WristWindow(StopWindow):
             mark = "SIMULATED calibration" if used.simulated else "Calibration"
             parts.append(f"{mark} of {used.made}, {used.device}, sha256 {used.sha256[:12]}")
         else:
-            parts.append("Calibrate takes about five minutes.")
+            parts.append("Calibration takes about five minutes.")
         if self._lead is not None:
             parts.append("Drag the raw cursor to move the simulated hand.")
         news = self.feed.news

@@ -125,7 +125,7 @@ function show() {
   put(page.who, head?.who ?? "");
   const stopped = news?.state === "STOPPED" ? "board has stopped" : "(Space)";
   const usable = `STOP\n${pressed ? "not confirmed yet" : stopped}`;
-  put(page.stop, !drives ? "No motor:\nno stop needed" : open() ? usable : "STOP\nnot available");
+  put(page.stop, !drives ? "No motor:\nnothing to stop" : open() ? usable : "STOP\nnot available");
   page.stop.disabled = !open() || !drives;  // late pictures are no reason to refuse a stop
 }
 

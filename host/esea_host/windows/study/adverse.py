@@ -11,7 +11,7 @@ from esea_host.study.records import RELATIONS, SEVERITIES
 from esea_host.study.words import Words
 from esea_host.windows.frame import column_of, labelled, push_button, row_of
 from esea_host.windows.number_field import Choice
-from esea_host.windows.theme import LIGHT
+from esea_host.windows.theme import Theme
 
 # What is recorded is the key.
 CHOICES = {
@@ -29,7 +29,7 @@ class AdversePanel(QFrame):
 
     def __init__(self, conductor: Conductor, words: Words) -> None:
         super().__init__()
-        self.conductor, self.words, self.theme = conductor, words, LIGHT
+        self.conductor, self.words = conductor, words
         self.setFrameShape(QFrame.Shape.StyledPanel)
         self._writer = ThreadPoolExecutor(1)
         self.writing: Future[None] | None = None
@@ -85,7 +85,9 @@ class AdversePanel(QFrame):
         else:
             self._tell(self.words("adverse.not_recorded", problem=str(error)))
 
+    def show_theme(self, theme: Theme) -> None:
+        self.told.setStyleSheet(f"color: {theme.alarm}")
+
     def _tell(self, text: str) -> None:
         self.told.setText(text)
-        self.told.setStyleSheet(f"color: {self.theme.alarm}")
         self.told.setVisible(bool(text))

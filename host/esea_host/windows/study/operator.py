@@ -352,7 +352,7 @@ class OperatorWindow(StopWindow):
         super().set_theme(theme)
         self.scene.set_dark(theme is DARK)
         self._drawn.clear()
-        self.adverse.theme = theme
+        self.adverse.show_theme(theme)
         self.refresh()
 
     def closeEvent(self, event: QCloseEvent) -> None:
