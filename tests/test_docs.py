@@ -17,6 +17,7 @@ import pytest
 import esea_gen
 from esea_gen.hostlib.library import compile_system
 from esea_gen.identify.recording.mapping import parse_mapping
+from esea_gen.model.sensing import zeros_missing
 from tests.browser import browser
 from tests.conftest import ROOT, load_file, require_module, require_tool
 from tests.typed import typed
@@ -38,7 +39,7 @@ def system(elbow):
 
 @pytest.fixture(scope="module")
 def model(system):
-    return controller.run(system.simulator(), controller.stream())
+    return controller.run(system.simulator(zeros_missing(system)), controller.stream())
 
 
 def test_the_streams_invalid_samples_are_seen(model):
@@ -71,7 +72,7 @@ def test_the_law_computed_a_second_time(elbow, model):
 
 @pytest.mark.parametrize("late", range(controller.EVERY))
 def test_symbols_do_not_depend_on_preemption(system, model, late):
-    ended = controller.run(system.simulator(), controller.stream(), late)
+    ended = controller.run(system.simulator(zeros_missing(system)), controller.stream(), late)
     for name, values in ended.items():
         assert np.array_equal(values, model[name][: len(values)])
 
@@ -82,8 +83,8 @@ def test_the_c_does_what_the_symbols_say(system, model, real, late):
     require_tool("gcc")
     inputs = controller.stream()
     library = compile_system(system, real)
-    c = controller.run(library.board(), inputs, late)
-    on_time = controller.run(library.board(), inputs)
+    c = controller.run(library.board(zeros_missing(library.system)), inputs, late)
+    on_time = controller.run(library.board(zeros_missing(library.system)), inputs)
     for name, values in c.items():
         assert len(values) >= len(model[name]) - 1
         assert np.array_equal(values, on_time[name][: len(values)]), name

@@ -102,9 +102,9 @@ def test_gain_loss_and_offset_of_a_rubber_that_is_off(drive, gain):
     [
         ({"weight_Nm": 0.2}, "weight not stated", "The arm's own weight is missing or wrong"),
         ({"tilt_rad": math.radians(15)}, "angle at which it hangs", "The device is tilted"),
-        ({"load": 0.15}, "motor's torque over the known", "agree with each other and not with"),
-        ({"motor": 0.2}, "motor's torque over the known", "The sensor agrees with the load"),
-        ({"gain": 0.2, "motor": -0.2}, "motor's torque over the known", "mass that hangs while"),
+        ({"load": 0.15}, "error of the motor's torque", "agree with each other and not with"),
+        ({"motor": 0.2}, "error of the motor's torque", "The sensor agrees with the load"),
+        ({"gain": 0.2, "motor": -0.2}, "error of the motor's torque", "mass that hangs while"),
         ({"offset_Nm": 0.4}, "offset, of its bound", "step 'zero'"),
     ],
 )

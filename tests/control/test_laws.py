@@ -19,6 +19,7 @@ from esea_gen.device import load_device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device
 from esea_gen.model.drive import NominalDrive
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.observe.human import lag_observer
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
@@ -199,7 +200,7 @@ def test_two_active_axes_need_no_second_wiring(drive):
         zero = '{ value = 0.0, status = "assumed", source = "as the drive of one axis" }'
         text += f"[encoder.{side}]\nzero_rad = {zero}\n"
     pair = parse_device(text, "pair.toml")
-    one, two = compile_device(drive, "f32").board(), compile_device(pair, "f32").board()
+    one, two = (compile_device(d, "f32").board(zeros_missing(d.system)) for d in (drive, pair))
     sense, control = drive.system.tasks
     rng = np.random.default_rng(5)
     bits = 2 ** int(drive.file.encoder.resolution_bits.value)

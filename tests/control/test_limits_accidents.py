@@ -11,6 +11,7 @@ from esea_gen.device import Device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
+from esea_gen.model.sensing import zeros_missing
 from tests.conftest import ROOT, require_tool
 from tests.limits_model import REALS, SHIPPED, alone, calm
 
@@ -206,7 +207,7 @@ def two_tasks(device: Device) -> System:
 @pytest.mark.parametrize("dies", [None, "silent", "nan"])
 def test_through_the_latches_of_two_tasks(drive, dies):
     system = two_tasks(drive)
-    simulator, x = system.simulator(), calm()
+    simulator, x = system.simulator(zeros_missing(system)), calm()
     names = [e.name for e in system.task_inputs(system.task("sense"))]
     faults = []
     for k in range(200):

@@ -13,6 +13,7 @@ from esea_gen.control.limits.faults import Fault
 from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.stream import single
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
 from tests.limits_model import (
@@ -363,7 +364,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
     """
     require_tool("gcc")
     library = compile_device(drive, real, (*UNDEFINED, "-fsanitize-recover=all"))
-    given, board = record_drive(drive, 1000).inputs, library.board()
+    given, board = record_drive(drive, 1000).inputs, library.board(zeros_missing(drive.system))
     memory, coefficients = board.memory["state"], memoryview(board.memory["coeffs"])
     fields = library.dtype(f"{library.prefix}_coeffs_t").fields
     parts = {n: coefficients[at : at + kind.itemsize] for n, (kind, at) in fields.items()}

@@ -27,6 +27,7 @@ from esea_gen.identify import recorded_deflections
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
 from esea_gen.language.system import System, Task
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
@@ -131,10 +132,10 @@ def test_the_whole_system_in_q31(drive, library):
     for task in system.tasks:
         given = {x.name: stream[x.name][task.phase :: task.every] for x in system.task_inputs(task)}
         inputs[task.name] = given or {"": np.zeros(len(range(task.phase, length, task.every)))}
-    board = library.board()
+    board = library.board(zeros_missing(drive.system))
     assert isinstance(board, CBoard)
     got = run_schedule(board, inputs)
-    exact = run_schedule(compile_device(drive, "f64").board(), inputs)
+    exact = run_schedule(compile_device(drive, "f64").board(zeros_missing(drive.system)), inputs)
     moved = 0
     for task in system.tasks:
         for x in system.task_outputs(task):

@@ -16,6 +16,7 @@ from esea_gen.control.limits.faults import Fault
 from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_device
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
 
@@ -31,6 +32,10 @@ def given(drive):
 def library(drive):
     """The drive's C by number format, each compiled once; every board has a state of its own."""
     return cache(lambda real: compile_device(drive, real))
+
+
+def zeroed(compiled):
+    return compiled.board(zeros_missing(compiled.system))
 
 
 class Run:
@@ -68,9 +73,9 @@ class Run:
 @pytest.fixture(params=["f64", "f32", "q31", "symbols"])
 def run(request, drive, library, given):
     if request.param == "symbols":
-        return Run(drive.system.simulator(), given)
+        return Run(drive.system.simulator(zeros_missing(drive.system)), given)
     require_tool("gcc")
-    return Run(library(request.param).board(), given)
+    return Run(zeroed(library(request.param)), given)
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -121,7 +126,7 @@ def test_late_runs_now_and_then(run, every, latches):
 
 def test_the_watch_counts(library, given):
     require_tool("gcc")
-    board = library("f32").board()
+    board = zeroed(library("f32"))
     run = Run(board, given).until(200)
     run.tick(203, data=200)  # three lost
     for tick in (204, 206, 207):
@@ -146,7 +151,7 @@ def test_the_watch_counts(library, given):
 def test_no_part_of_an_old_state_releases_the_latch(library, given, real):
     """An old state whole, up to any byte or from it on, and the rest as it is after a stop."""
     require_tool("gcc")
-    board = library(real).board()
+    board = zeroed(library(real))
     run, memory = Run(board, given).until(AT), board.library.ffi.buffer(board.state)
     old = bytes(memory)
     for tick in range(AT, AT + 3):
@@ -164,7 +169,7 @@ def test_no_part_of_an_old_state_releases_the_latch(library, given, real):
 @pytest.mark.parametrize("real", ["f32", "q31"])
 def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
     require_tool("gcc")
-    board = library(real).board()
+    board = zeroed(library(real))
     run = Run(board, given).until(AT)
     kept = bytes(board.library.ffi.buffer(board.state))
     velocity = board.library.ffi.buffer(board.library.ffi.addressof(board.state, "velocity"))
@@ -186,7 +191,7 @@ def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
 def test_a_changed_word_of_the_coefficients_latches(library, given, real):
     """Every word of them, by every byte: seen by the next control run, 4 ticks on, and released."""
     require_tool("gcc")
-    board = library(real).board()
+    board = zeroed(library(real))
     run = Run(board, given).until(AT)
     ffi = board.library.ffi
     (coeffs,) = board.coeffs
@@ -208,7 +213,7 @@ def test_a_changed_word_of_the_coefficients_latches(library, given, real):
 
 def test_a_change_that_no_block_notices_has_a_name(library, given):
     require_tool("gcc")
-    board = library("f32").board()
+    board = zeroed(library("f32"))
     run = Run(board, given).until(AT)
     # The checksum itself: nothing else reads it.
     board.coeffs[0].check ^= 1
@@ -354,7 +359,7 @@ int main(void)
 
 def threaded(drive, library, given, folder, *flags):
     source = written(drive, "f32", folder)
-    board = library("f32").board()
+    board = zeroed(library("f32"))
     packed = board.library.task("sense").pack({n: v[:400] for n, v in given["sense"].items()})
     rows = ["{ " + ", ".join(f"{float(v).hex()}f" for v in row) + " }," for row in packed]
     (source / "stream.h").write_text("\n".join(rows) + "\n")
@@ -373,7 +378,7 @@ def threaded(drive, library, given, folder, *flags):
 
 
 def sequential(library, given):
-    run = Run(library("f32").board(), given)
+    run = Run(zeroed(library("f32")), given)
     for tick in range(400):
         run.tick(tick)
     return [f"{u.hex()} {f}" for u, f in zip(run.u, run.fault, strict=True)]

@@ -19,6 +19,7 @@ from esea_gen.device import Device
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.language.system import Task
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.targets import ARM_GCC, find_board, firmware_folder
 from tests.proof.steered import SteeredProcessor
 
@@ -97,7 +98,7 @@ class _Rig:
         at = addresses(image)
         self.entry = {t.name: at[f"{prefix}_{t.name}_step"] for t in self.system.tasks}
         library = compile_device(device, image.real)
-        self.board = library.board()
+        self.board = library.board(zeros_missing(library.system))
         self.ffi = self.board.library.ffi
         self.rows: dict[str, Array] = {}
         for task in self.system.tasks:

@@ -11,6 +11,7 @@ import pytest
 
 from esea_gen.control.laws.predictive import device_horizon, predictive_delay_s
 from esea_gen.device import load_device, parse_device
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.twin.run import previews
 from esea_gen.twin.trajectories import Trajectory
 
@@ -32,7 +33,7 @@ def systems():
 
 def run_commands(system, change_at: int | None, ticks: int) -> np.ndarray:
     """The motor's command at every tick, armed and on; one count off at a tick."""
-    simulator = system.simulator()
+    simulator = system.simulator(zeros_missing(system))
     sizes = {x.name: x.port.size for x in system.inputs}
     commands = np.zeros(ticks)
     for k in range(ticks):
