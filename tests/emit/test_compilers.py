@@ -213,6 +213,7 @@ int main(void)
     UCSR0B = 1 << TXEN0;
 #endif
     esea_elbow_drive_default_params(&params);
+    params.encoder_motor.zeroed = params.encoder_load.zeroed = INT32_C(1) << 30;
     print(esea_elbow_drive_prepare(&params, &coeffs));
     see(&coeffs, sizeof coeffs);
     esea_elbow_drive_init(&coeffs, &state);

@@ -337,6 +337,7 @@ int main(void)
     uint32_t tick;
 
     esea_elbow_drive_default_params(&params);
+    params.encoder_motor.zeroed = params.encoder_load.zeroed = 1.0f;
     if (esea_elbow_drive_prepare(&params, &coeffs) != 0u)
         return 2;
     esea_elbow_drive_init(&coeffs, &state);

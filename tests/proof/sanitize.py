@@ -23,6 +23,7 @@ from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
+from esea_gen.model.sensing import zeros_missing
 from esea_gen.targets import HOST_GCC
 from esea_gen.verify.equivalence import chosen_blocks
 from esea_gen.verify.executor import counter_fields
@@ -116,6 +117,7 @@ def undefined_behaviour(
                 runs, taken = runs + 1, taken + stream.steps
         for task in () if blocks else device.system.tasks:
             runner = library.task(task.name)
+            runner.prepare(zeros_missing(library.system))
             inputs = _task_inputs(device.system, task, steps)
             runner.run(inputs, trace=False)
             runs, taken = runs + 1, taken + steps
@@ -173,7 +175,7 @@ class ReplayProgram:
         self.folder = folder
         renderer = GivenRenderer(device, real, files)
         texts = {n: t for n, t in renderer.files().items() if "/" not in n}
-        texts["main.c"] = renderer.render("verify/replay.c.j2")
+        texts["main.c"] = renderer.render("verify/replay.c.j2", zeros=zeros_missing(device.system))
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(n for n in texts if n.endswith(".c"))
@@ -257,7 +259,9 @@ def _cases(
         values = _task_inputs(device.system, task, steps)
         if not device.system.task_inputs(task):  # nothing to replay: watched in process
             continue
-        y, _ = library.task(task.name).run(values, trace=False)
+        runner = library.task(task.name)
+        runner.prepare(zeros_missing(library.system))
+        y, _ = runner.run(values, trace=False)
         sources = device.system.task_inputs(task)
         inputs = [np.asarray(values[x.name], fmt.dtype) for x in sources]
         expected = [y[x.name] for x in device.system.task_outputs(task)]
