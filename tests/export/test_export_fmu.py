@@ -195,7 +195,8 @@ def first_difference(loop, late: bool) -> tuple[int, str] | None:
     late: the plant moves before the controller has run, which takes its last command instead.
     """
     run, signals = loop["run"], loop["signals"]
-    controller = Slave(loop["controller", "3"]).start()
+    zeroed = {f"encoder_{side}.zeroed": 1.0 for side in ("motor", "load")}
+    controller = Slave(loop["controller", "3"]).start(**zeroed)
     twin = Slave(loop["twin", "2"]).start(start_rad=signals["theta_p_rad"][0])
     path = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "noise")
     for k in range(N):
