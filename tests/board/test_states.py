@@ -318,6 +318,14 @@ def test_a_clock_that_comes_to_rest_between_two_ticks_leaves_no_motor_on(armed):
     assert armed.motor == (False, 0.0)
 
 
+def test_a_replay_leaves_no_zero_behind(board):
+    board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))
+    assert board.state_now == "REPLAY"
+    board.stop()
+    board.release()
+    assert board.state_now == "UNREFERENCED"
+
+
 def test_a_released_stop_restores_nothing(armed):
     for _ in range(30):
         armed.want(mode=1.0, tau_desired_Nm=0.1, deadline_ms=1000)

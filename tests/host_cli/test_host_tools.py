@@ -271,3 +271,16 @@ def test_the_live_view_holds_its_memory_with_every_channel_drawn(simulated_elbow
     found = bench.window_soak(simulated_elbow, 0.25, 180.0, 1.0, channels=40)
     assert found["pictures"] >= 899
     assert found["memory_growth_bytes"] < 1e6
+
+
+def test_an_export_that_fails_leaves_nothing(demo, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("csv.writer", full)
+    with (
+        esea_host.open_log(demo.recording) as log,
+        pytest.raises(UserError, match="No space left"),
+    ):
+        to_csv(log, "sense_out", tmp_path / "a.csv")
+    assert list(tmp_path.iterdir()) == []

@@ -346,6 +346,14 @@ def test_folders_that_are_refused(folder, tmp_path, monkeypatch, capsys, old, ne
     assert words in " ".join(error.split())
 
 
+def test_a_simulated_recording_makes_the_folder_so(folder, tmp_path):
+    copy = changed(folder, tmp_path, "simulated = true", "simulated = false")
+    one = copy / "p0_1_tracking.csv"
+    one.write_text("# simulated\n" + one.read_text())
+    with pytest.raises(UserError, match=r"p0_1_tracking.csv says that it is simulated"):
+        analyse_interaction(copy)
+
+
 def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, capsys):
     copy = changed(folder, tmp_path, "simulated", "simulated")
     path = copy / "p3_2_tracking.csv"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from esea_gen import portability
 from esea_gen.device import load_device
+from esea_gen.emit.build import Bundle, write_bundles
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.hostlib.compiler import compile_sources
@@ -62,6 +63,21 @@ def test_a_compiler_that_speaks_another_language(monkeypatch, tmp_path):
     with pytest.raises(OSError, match=str(errno.ENOSPC)) as told:
         compile_sources({"a.c": "int a;"})
     assert told.value.errno == errno.ENOSPC
+
+
+def test_a_folder_that_cannot_be_replaced_is_still_there(monkeypatch, tmp_path):
+    write_bundles([Bundle("f32", {"manifest.json": "old"})], tmp_path)
+    real = portability.os.replace
+
+    def denied(source, target):
+        if source.name == "f32" and source.parent != tmp_path:
+            raise PermissionError(errno.EACCES, "Access is denied")
+        real(source, target)
+
+    monkeypatch.setattr(portability.os, "replace", denied)
+    with pytest.raises(UserError, match="cannot be written"):
+        write_bundles([Bundle("f32", {"manifest.json": "new"})], tmp_path)
+    assert [p.read_text() for p in tmp_path.rglob("*.json")] == ["old"]
 
 
 @given(text=st.text(), page=st.sampled_from(["cp1252", "cp437", "ascii"]))

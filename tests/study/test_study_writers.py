@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import app
 from esea_host.study.exchange import to_rows
@@ -377,3 +378,21 @@ def test_withdrawal_ends_the_use_of_data(tmp_path, study):
     with pytest.raises(UserError, match="has withdrawn"):
         study.withdraw("P01")
     assert study.problems() == []
+
+
+def test_a_file_system_without_locks_is_refused(tmp_path, monkeypatch):
+    def none(_) -> bool:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(files, "try_lock", none)
+    with pytest.raises(UserError, match="has no locks"), files.locked(tmp_path / "x.lock"):
+        pass
+
+
+def test_a_session_that_broke_in_its_first_line_begins_anew(study):
+    run_one(study)
+    path = study.log_of("P01", 0)
+    path.write_bytes(b"x" + path.read_bytes())
+    assert len(repair(study)) == 1
+    assert not path.exists()
+    assert run_one(study).state.remaining == ()

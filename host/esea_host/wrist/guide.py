@@ -12,7 +12,7 @@ from esea_host.people.person import minimum_jerk
 from esea_host.study.scene import Scene, Text
 from esea_host.study.task import Inputs, Situation, task_named
 from esea_host.wrist.calibration import AXES, calibrated
-from esea_host.wrist.normalisation import NodeSpeeds, check_nodes
+from esea_host.wrist.normalisation import NodeSpeeds, check_nodes, normalise
 from esea_host.wrist.tasks import dot
 
 RANGE_S, MOVEMENTS = 6.0, 5
@@ -115,6 +115,8 @@ class CalibrationGuide:
             else:
                 speeds = found.speeds(p["axis"])
             check_nodes(step.title, speeds)
+            if step.task == "wrist.velocity" and step.constrained:
+                normalise(calibrated(self.past, False).speeds(p["axis"]), speeds)
         except UserError as error:
             self.advice = str(error)
             self.back(2 if step.task == "wrist.range" else 1)
