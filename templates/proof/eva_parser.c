@@ -31,9 +31,8 @@ static uint8_t any_frame(mavlink_message_t *message, mavlink_status_t *status)
 }
 #define mavlink_frame_char_buffer(message, status, byte, to, to_status) ((void)(byte), any_frame(message, status))
 #include "reader.c"
-#else
-#include ESEA_BINDING
 #endif
+#include ESEA_BINDING
 
 #define ANY(x) Frama_C_make_unknown((char *)&(x), sizeof(x))
 
