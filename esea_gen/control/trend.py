@@ -290,7 +290,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     # Smooth, steps of all sizes, noise that comes and goes, what is no number, and full scale.
     steps = 3000
     t = np.arange(steps)
-    port = block.inputs[0]
+    port, *others = block.inputs
     x = 0.2 * port.high * np.sin(t / 60.0)
     x += np.cumsum(np.where(rng.random(steps) < 0.004, rng.normal(0, 0.02 * port.high, steps), 0))
     x += np.where(t // 500 % 2 == 1, rng.normal(0, 2e-3 * port.high, steps), 0)
@@ -298,4 +298,5 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     x = np.clip(x, port.low, port.high)
     hit = rng.random(steps) < 0.003
     x[hit] = rng.choice(SPECIAL, int(hit.sum()))
-    return [Stream("steps, noise and motion", {port.name: single(x)})]
+    held = {p.name: single(p.high * np.sin(t / 200.0)) for p in others}
+    return [Stream("steps, noise and motion", {port.name: single(x)} | held)]

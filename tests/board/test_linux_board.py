@@ -46,6 +46,7 @@ LOADER = r"""
 int main(int argc, char **argv)
 {
     void *const library = dlopen(argv[1], RTLD_NOW);
+    static const int zeroed[] = { ZEROED };
     double tunables[256], in[256], out[256], bad[256];
     int32_t counts[5];
     uint8_t text[32];
@@ -66,6 +67,8 @@ int main(int argc, char **argv)
     fprintf(stderr, " %d %d", defaults(tunables, counts[1] - 1), defaults(tunables, counts[1]));
     fprintf(stderr, " %d", tick(0, 1, in, counts[0], out, counts[2]));
     fprintf(stderr, " %d", start(4, tunables, counts[1]));
+    for (size_t i = 0; i < sizeof zeroed / sizeof zeroed[0]; ++i)
+        tunables[zeroed[i]] = 1.0;
     memcpy(bad, tunables, sizeof bad);
     bad[4] = 1e6;
     fprintf(stderr, " %d %d", start(0, bad, counts[1]), start(0, tunables, counts[1]));
@@ -337,11 +340,13 @@ def packed(device, arm, tmp_path_factory):
 
 def run_flat(device, drive, library, folder, lost=-1):
     """Loads the library as LabVIEW does and runs the recorded drive through it."""
-    flags = (f'-DPREFIX="esea_{device.name}"', f"-DLOST={lost}")
+    model = controller_model(device)
+    zeroed = [str(i) for i, v in enumerate(model.of("tunable")) if v.name.endswith(".zeroed")]
+    flags = (f'-DPREFIX="esea_{device.name}"', f"-DLOST={lost}", f"-DZEROED={','.join(zeroed)}")
     (folder / "loader.c").write_text(LOADER)
     gcc = require_tool("arm-linux-gnueabi-gcc")
     subprocess.run([gcc, *flags, "loader.c", "-o", "loader"], cwd=folder, check=True)
-    inputs = controller_model(device).of("input")
+    inputs = model.of("input")
     held = {
         n: np.repeat(a, t.every)
         for t in device.system.tasks
