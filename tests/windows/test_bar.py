@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import os
+import re
 
 import pytest
 
+from esea_gen.device import load_device, parse_device
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
@@ -184,6 +186,15 @@ def test_without_a_motor_stop_ends_the_calibration(qtbot, tmp_path):
     assert window.display.guide is not None
     window.stop()
     assert (window.display.guide, window.stop_asked_s) == (None, 0.0)
+
+
+def test_a_motor_that_no_constraint_drives_is_stopped(qtbot, tmp_path):
+    text = re.sub(r"(?ms)^\[impairment\].*?(?=^\[|\Z)", "", load_device("wrist_drive").toml())
+    window = wrist(None, None, tmp_path, parse_device(text, "mine.toml"))
+    qtbot.addWidget(window)
+    assert window.stop_button.isEnabled()
+    window.stop()
+    assert window.stop_asked_s > 0
 
 
 def test_escape_that_closes_something_does_not_stop_all_else_does(live, qtbot):

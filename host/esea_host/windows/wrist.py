@@ -129,7 +129,8 @@ class WristWindow(StopWindow):
         self._rows = feed.device.subscribe(list(display.streams))
         identity = feed.device.identity
         mark = "SIMULATED" if feed.device.simulated else ""
-        self._who = identity.who
+        # A motor without an impairment has no constraint to switch, and is stopped all the same.
+        self._who, self._drives = identity.who, bool(identity.device.laws)
         self.setWindowTitle(f"{mark} {self._who}: wrist display - esea-host".strip())
         self.bar.mark(mark, self._who)
         self._build()
@@ -186,7 +187,7 @@ class WristWindow(StopWindow):
 
     def _actions(self) -> None:
         self.add_menu("&View", [("Dark, light", "T", self.toggle_theme)])
-        if not self.keeper.there:
+        if not self._drives:
             self.bar.without_stop()
         self.add_board_steps(self.feed, self.keeper.there, self._rest)
 
@@ -194,7 +195,7 @@ class WristWindow(StopWindow):
 
     def stop(self) -> None:
         """Stop the motors, if there are any, and end a calibration."""
-        if self.keeper.there:
+        if self._drives:
             self.feed.stop()
             self.keeper.wanted = False
             self.stop_asked_s = time.monotonic()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QApplication
 
+from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_host.connection import ConnectedDevice, hands_at
 from esea_host.connection.address import SimulatedProcess
@@ -63,7 +64,7 @@ class FilmedWrist:
 
     def __init__(
         self,
-        name: str,
+        name: Device | str,
         save_to: Path,
         calibration: WristCalibration | None = None,
         dark: bool = False,
