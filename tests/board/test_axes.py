@@ -122,7 +122,7 @@ def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, off, 
 
 
 def test_a_stop_takes_the_wall_away_in_its_time(wrist):
-    """The wrist stays in it; 80 counts of 14 bits and a wall of 11 Nm/rad that begins at 2 mrad."""
+    """The wrist stays in it; 80 counts of 14 bits, and a wall that begins at 2 mrad."""
     ready(wrist).set_parameter("impairment_flexion.wall_rad", 0.002)
     wrist.ticks(20)
     wrist.arm()
@@ -133,7 +133,8 @@ def test_a_stop_takes_the_wall_away_in_its_time(wrist):
         show(wrist, count_motor_flexion=900.0 + k, count_load_flexion=900.0 + k)
     wrist.ticks(40)
     wall_Nm = told(wrist, "tau_set_flexion_Nm")
-    assert wall_Nm == pytest.approx(-11 * (80 * 2 * math.pi / 2**14 - 0.002), rel=0.02)
+    depth_rad = 80 * 2 * math.pi / 2**14 - 0.002
+    assert wall_Nm == pytest.approx(-6 * depth_rad - 60 * depth_rad**3, rel=0.02)
     wrist.stop()
     wrist.ticks(TIMES_MS["STOP_FADE"][0] // 2)
     assert told(wrist, "tau_set_flexion_Nm") == pytest.approx(wall_Nm / 2, rel=0.05)
