@@ -16,7 +16,8 @@ LEAST = 4  # so many test files are asked at least, for the nearest need not run
 
 
 def _name(path: Path) -> str:
-    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+    parts = path.with_suffix("").parts
+    return ".".join(parts[parts[0] == "host" :]).removesuffix(".__init__")
 
 
 def _imported(tree: ast.AST, known: set[str], folder: Path) -> set[str]:
@@ -36,7 +37,7 @@ class Importers:
     """Who imports whom in a checkout, shared files of the tests included."""
 
     def __init__(self, root: Path) -> None:
-        files = [*(root / PACKAGE).rglob("*.py"), *(root / "tests").rglob("*.py")]
+        files = [p for place in (PACKAGE, "host", "tests") for p in (root / place).rglob("*.py")]
         self.paths = {_name(p.relative_to(root)): p.relative_to(root) for p in sorted(files)}
         self.users: dict[str, set[str]] = defaultdict(set)
         self.size: dict[Path, int] = {}
