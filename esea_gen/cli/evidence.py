@@ -75,9 +75,16 @@ def verify(
 
 
 def _bound_note(result: Any, block: str) -> str:
-    from esea_gen.verify.verdict import STATED
+    from esea_gen.verify.verdict import EXACT_STEP, STATED
 
-    stated = [c for c in result.comparisons if c.block == block and c.rule == STATED]
+    items = [c for c in result.comparisons if c.block == block and c.real == "f32"]
+    scale = result.full_scales[block]
+    apart = max(
+        (100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale), default=0.0
+    )
+    if any(c.rule == EXACT_STEP for c in items):
+        return f"each step the executor's; a free run comes {apart:.2g} % apart, not bounded"
+    stated = [c for c in items if c.rule == STATED]
     if stated:
         more = sum(c.turned for c in stated)
         return f"a program: within a stated share, not derived; {more} steps say more of themselves"
@@ -90,15 +97,12 @@ def _bound_note(result: Any, block: str) -> str:
         port, percent = max(wide.items(), key=lambda w: w[1])
         return f"tested, not proven: the bound of {port} is {percent:.2g} % of full scale"
     # How much the derived bound allows: one that allows a lot proves little, and shows as that.
-    scale = result.full_scales[block]
     (name, bound), *_ = sorted(result.bounds[block].items())
     percent = max((100 * e / scale[k] for k, e in bound.outputs.items()), default=0.0)
     if name == "identified domain":
         rough = sum(c.beyond > 0 for c in result.comparisons if c.block == block)
         more = f"; {rough} rough streams step by step" if rough else ""
         return f"within the derived bound ({percent:.2g} % in the domain){more}"
-    items = [c for c in result.comparisons if c.block == block and c.real == "f32"]
-    apart = max((100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale))
     turned = sum(c.turned for c in items)
     return (
         f"{name}: each within the derived bound ({percent:.2g} %), {turned} decisions turned by "

@@ -16,7 +16,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Flag
 from esea_gen.language.stream import Stream
-from esea_gen.verify.one_step import StepRule
+from esea_gen.verify.one_step import ExactStep, StepJudge, StepRule
 from esea_gen.verify.verdict import ONE_STEP
 
 PORT_RANGES, DOMAIN = "port ranges", "identified domain"
@@ -109,8 +109,8 @@ def derive_bounds(device: Device, block: Block) -> dict[str, Bound]:
     return out
 
 
-def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepRule | None]:
-    """How a Block's float32 is judged: a bound for any number of steps, or what one step adds."""
+def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], StepJudge | None]:
+    """How a Block's float32 is judged: a bound for any number of steps, of one step, or none."""
     try:
         bounds = derive_bounds(device, block)
     except RangeError:
@@ -121,6 +121,8 @@ def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], Step
     try:
         rule = StepRule(block)
     except RangeError as error:
+        if block.name != device.sensor.name:
+            return {}, ExactStep(block)
         raise UserError(
             f"{device.origin}: no finite float32 bound can be derived for {block.name}, not even "
             f"of one step ({error}).",

@@ -2,9 +2,12 @@
 
 An integral keeps every rounding error it ever made, so only what one step adds can be bounded.
 Where rounding turns a decision, its operands must be nearer than their derived errors allow.
+A quotient of two small numbers leaves not even that: such a Block's steps are the executor's.
 """
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -15,19 +18,52 @@ from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.verify.executor import coefficients_of, evaluate, step_arguments
-from esea_gen.verify.verdict import ONE_STEP, Comparison
+from esea_gen.verify.executor import coefficients_of, emitted_kernel, evaluate, step_arguments
+from esea_gen.verify.verdict import EXACT_STEP, ONE_STEP, Comparison
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
+
+
+class ExactStep:
+    """Each step against the executor in float32, bit for bit: for a Block without any bound."""
+
+    kind = EXACT_STEP
+    limits: ClassVar[dict[str, float]] = {}
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+
+    def compare(
+        self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
+    ) -> Comparison:
+        """Hold every step of a run of the C against the executor's from the same memory."""
+        found = Comparison(
+            self.block.name, stream.name, "f32", stream.steps, {}, {}, rule=self.kind
+        )
+        single = FORMATS["f32"]
+        kernel, _ = emitted_kernel(self.block, single)
+        values = evaluate(kernel, single, step_arguments(self.block, stream, states, single))
+        told = [states[p.name] for p in self.block.state]
+        told += [outputs[p.name] for p in self.block.outputs]
+        ports = (*self.block.state, *self.block.outputs)
+        for p, value, nodes in zip(ports, told, kernel.results, strict=True):
+            own = np.stack([values[i].astype(np.float64) for i in nodes], axis=1)
+            c = np.asarray(value, np.float64).reshape(stream.steps, p.size)
+            if np.any(c != own):  # NaN differs too
+                found.problems.append(f"{p.name}: differs from the executor's step")
+        return found
 
 
 class StepRule:
     """The bound of one step of a Block, and the comparison with it."""
 
+    kind = ONE_STEP
+
     def __init__(self, block: Block) -> None:
         self.block = block
         single, double = FORMATS["f32"], FORMATS["f64"]
         self.bound = step_bound(block, single).with_errors_of(step_bound(block, double))
+        self.limits = self.bound.states | self.bound.outputs
         self.kernel, self.errors = node_errors(block, single)
         _, errors = node_errors(block, double)
         self.errors = [a + b for a, b in zip(self.errors, errors, strict=True)]
@@ -49,9 +85,8 @@ class StepRule:
         self, stream: Stream, outputs: dict[str, Array], states: dict[str, Array]
     ) -> Comparison:
         """Hold every step of a run of the C against the symbolic step from the same memory."""
-        bounds = self.bound.states | self.bound.outputs
         names = self.block.name, stream.name, "f32"
-        found = Comparison(*names, stream.steps, {}, bounds, rule=ONE_STEP)
+        found = Comparison(*names, stream.steps, {}, self.limits, rule=self.kind)
         single = FORMATS["f32"]
         given = step_arguments(self.block, stream, states, single)
         values = evaluate(self.kernel, single, given)
@@ -105,6 +140,9 @@ class StepRule:
                     f"{apart:.3g} apart, above their derived error {reach:.3g}"
                 )
         return any_turned
+
+
+StepJudge = StepRule | ExactStep
 
 
 def drift(block: Block, expected: dict[str, Array], got: dict[str, Array]) -> dict[str, float]:

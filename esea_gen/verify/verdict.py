@@ -8,11 +8,12 @@ from typing import Any
 
 from esea_gen.emit.step_errors import Bound
 
-EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_PROGRAM, STATED = RULES = (
+EXACT, RESIDUAL, LASTING, ONE_STEP, EXACT_STEP, EXACT_PROGRAM, STATED = RULES = (
     "CasADi's C, bit for bit",
     "residual",
     "any number of steps",
     "one step, from the same memory",
+    "one step of the executor in float32, exactly",
     "a program's executor, bit for bit",
     "a program's executor, a stated share of full scale",
 )
@@ -145,17 +146,18 @@ class Verification:
                 f"from the model ({port})"
             )
         wide = {
-            f"{b}.{port}": f"{percent:.0f} %"
+            f"{b}.{port}": f"{percent:.0f} % of full scale"
             for b in self.bounds
             for port, percent in self.telling_nothing(b).items()
         }
+        wide |= {c.block: "none is finite" for c in self.comparisons if c.rule == EXACT_STEP}
         if not wide:
             return f"verdict: PASS. {of}: {'; '.join(said)}."
         return (
             f"verdict: PASS, {len(wide)} output{'s' * (len(wide) > 1)} tested but not proven. "
             f"{of}: {'; '.join(said)}. Not proven, because the derived bound is wider than the "
             "output's range: "
-            + ", ".join(f"{port} ({percent} of full scale)" for port, percent in wide.items())
+            + ", ".join(f"{port} ({bound})" for port, bound in wide.items())
             + "."
         )
 

@@ -17,7 +17,7 @@ from esea_gen.verify.equivalence import verify
 from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.mutation.equivalent import Prover
 from esea_gen.verify.mutation.mutants import mutants
-from esea_gen.verify.verdict import LASTING, ONE_STEP, RESIDUAL
+from esea_gen.verify.verdict import EXACT_STEP, LASTING, ONE_STEP, RESIDUAL
 from tests.conftest import require_tool
 from tests.proof.sanitize import GivenRenderer, replay_device, undefined_behaviour
 
@@ -104,6 +104,22 @@ def test_a_fault_in_each_block_is_seen_in_f32_and_told_by_name(drive, f32_faulty
     for name in SOUND:
         assert all(c.passed for c in found.comparisons if c.block == name), name
         assert not re.search(rf"\b{name}\b[^\n]*FAILED", done.output)
+
+
+# A quotient of two small numbers has no finite bound; real use found the whole device refused.
+def test_a_block_without_a_bound_is_held_to_its_executor(monkeypatch):
+    device = esea_gen.load_device("elbow_mpc")
+    found = verify(device, ["f32"], blocks=["trend"])
+    assert found.passed
+    assert {c.rule for c in found.comparisons} == {EXACT_STEP}
+    assert "not proven" in found.verdict()
+    files = GivenRenderer(device, "f32").files()
+    old, name = "float stepped = esea_fmax(", "esea_elbow_mpc_trend.c"
+    assert old in files[name], files[name]
+    files[name] = files[name].replace(old, old.replace("max", "min"))
+    library = HostLibrary(device.system, GivenRenderer(device, "f32", files))
+    monkeypatch.setattr(equivalence, "compile_device", lambda *_: library)
+    assert not verify(device, ["f32"], blocks=["trend"]).passed
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ from esea_gen.verify.executor import (
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.mutation.mutants import Mutant
 from esea_gen.verify.mutation.tasks import task_signature
-from esea_gen.verify.one_step import StepRule
+from esea_gen.verify.one_step import StepJudge
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
@@ -72,7 +72,7 @@ class Bench:
             self._compile("-c", name, "-o", made, check=True)
         self.programs = [b for b in kinds if isinstance(b, Program)]
         self.blocks = [b for b in kinds if not isinstance(b, Program)]
-        self.limits: dict[str, tuple[dict[str, Bound], StepRule | None]] = {}
+        self.limits: dict[str, tuple[dict[str, Bound], StepJudge | None]] = {}
         self.oracle = CasadiOracle(device.system) if real == "f64" else None
         self.judged = {b.name: self._judge(b) for b in self.blocks}
         self.setups = {b.name: expected_setup(b, self.fmt) for b in self.blocks}
