@@ -70,6 +70,10 @@ class Importers:
         tests = {self.paths[n]: k for n, k in far.items() if self.paths[n].parts[0] == "tests"}
         return {p: k for p, k in tests.items() if p.name.startswith("test_")}
 
+    def of_room(self, room: str) -> dict[Path, int]:
+        """Test files of a room, as if none stood nearer than another."""
+        return {p: 1 for p in self.size if p.name.startswith("test_") and p.parent.name == room}
+
 
 def is_committed(test: str) -> bool:
     """Whether a test stands in a file of those that compare with committed output."""
@@ -78,7 +82,8 @@ def is_committed(test: str) -> bool:
 
 def near_tests(graph: Importers, source: Path, *, independent: bool, widen: int = 0) -> list[str]:
     """Test files that stand nearest to a source or bear its name, and the ``widen`` next ones."""
-    far = graph.distances(source)
+    # Reached by name alone, as a plug-in is: the tests of its room.
+    far = graph.distances(source) or graph.of_room(source.parent.name)
     words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
 
     def rank(p: Path) -> tuple[int, int, int]:  # what bears its name first, then the short ones
