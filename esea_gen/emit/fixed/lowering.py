@@ -95,7 +95,8 @@ class Lowering(Elementary):
 
     def _once(self, i: int) -> Value | None:
         # A search lowers one kernel again and again.  What a node was lowered to comes out the same
-        # while it and all that it is made of have the same width and the same name.
+        # while it has the same width and its operands look the same: a number by its name, range
+        # and format; a condition, through which a choice sees what it compares, by all it is of.
         n = self.kernel.nodes[i]
         if self.kept is None or i in self.status or n.op in ("input", "const") or i in self.parts:
             v = self._named(i, self._lower(i))
@@ -106,7 +107,8 @@ class Lowering(Elementary):
             if made not in self.kept.values:
                 self.kept.values[made] = self._lower(i)
             v = self._named(i, self.kept.values[made])
-            key = (made, v and v.expr.name)
+            seen = v is not None and v.expr.op == "ref" and v.expr.bits != 1
+            key = (i, v.expr, v.fraction) if v and seen else (made, v and v.expr.name)
         if self.kept is not None:
             self.marks.append(self.kept.marks.setdefault(key, len(self.kept.marks)))
         return v
