@@ -99,6 +99,7 @@ class Known:
     points: dict[int, Span] = field(default_factory=dict)  # constants, and what nothing follows
     setting: Any = None  # what else the analyses share, made by the first
     matrix: tuple[Any] | None = None  # of a linear Block, or that it has none
+    beside: dict[int, Known] = field(default_factory=dict)  # of so many cases at once
 
     def one(self, where: int, x: Span) -> Span:
         known, key = self.given.setdefault(where, {}), x.content

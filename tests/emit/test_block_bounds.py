@@ -50,8 +50,7 @@ def made(step, state=(), inputs=None, outputs=None, most: float = 1.0, **more) -
 
 def found(image, zero):
     """Of a map of errors, without a Block behind it."""
-    once = SimpleNamespace(once=lambda e: (image(e), ()), state_errors=lambda e: e, zero=zero)
-    return fixed_point(once)
+    return fixed_point(SimpleNamespace(images=lambda cases: map(image, cases), zero=zero))
 
 
 @pytest.mark.parametrize("pole", [0.1, 0.5, 0.9, 0.99, 1 - 1e-6])
