@@ -61,7 +61,7 @@ class Span:
 
     @property
     def exact(self) -> bool:
-        return not np.any(self.a) and not np.any(self.r)
+        return not self.a.any() and not self.r.any()
 
     @cached_property
     def seen(self) -> tuple[Array, Array]:
@@ -188,11 +188,11 @@ def _mul(x: Span, y: Span, same: bool) -> Span:
 
 
 def _div(x: Span, y: Span) -> Span:
-    if np.any((y.low <= 0) & (y.high >= 0)):
+    if ((y.low <= 0) & (y.high >= 0)).any():
         raise RangeError("division by a range that holds zero")
     floor = np.minimum(np.abs(y.low), np.abs(y.high))
     k = y.r + y.a / floor
-    if np.any(k >= 1):
+    if (k >= 1).any():
         raise RangeError("division by a value whose error is as large as itself")
     low, high = _corners(x, y, np.divide)
     return Span(low, high, x.a / (floor * (1 - k)), (x.r + k) / (1 - k))
@@ -379,6 +379,7 @@ def numeric_nodes(
     return needed
 
 
+@np.errstate(all="ignore")
 def propagate(
     rounding: Rounding,
     arguments: Sequence[Sequence[Span]],
@@ -417,8 +418,7 @@ def propagate(
         earlier, key = known.results.setdefault(i, {}), (rounding.key(i), i in numeric, *v)
         found = earlier.pop(key, None)
         if found is None:
-            with np.errstate(all="ignore"):
-                value, said = _result(rounding, i, v, facts.get(i), i in numeric)
+            value, said = _result(rounding, i, v, facts.get(i), i in numeric)
             found = known.one(i, value), said
         value, said = _keep(earlier, key, found)
         values.append(value)
@@ -437,7 +437,7 @@ def _result(
         v = [Span(x.low, x.high, x.a + own[k], x.r) if k in own else x for k, x in enumerate(v)]
     if n.op in COMPARES:
         found = _decided(n.op, *v)
-        open_ = numeric and bool(np.any(found.low != found.high)) and not rounding.settled(i, v)
+        open_ = numeric and bool((found.low != found.high).any()) and not rounding.settled(i, v)
         return found, f"{kernel.name}: v{i} = {n.op}" if open_ else ""
     if n.op in BOOLEAN:
         return _logic(n.op, v), ""

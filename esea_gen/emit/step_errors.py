@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise, product
+from itertools import pairwise, product
 from typing import Any
 
 import casadi as ca
@@ -188,20 +188,21 @@ class StepErrors:
     def once(self, errors: Errors) -> tuple[Errors, tuple[str, ...]]:
         """Errors of all results, the worst of all boxes, and what they rest on."""
         values, assumptions = self.values(errors)
-        rows = zip(self.kernel.results, self.computed.conversions, strict=True)
-        found = [
-            [
-                float((values[i].a + c + values[i].r * values[i].magnitude).max())
-                for i, c in zip(r, conversion, strict=True)
-            ]
-            for r, conversion in rows
-        ]
+        found = [[float(x.max()) for x in row] for row in self._box_by_box(values)]
         whole = tuple(
             f"{self.block.name}: {p.name} is a whole number"
             for p in self.block.inputs
             if f"u_{p.name}" in self.whole
         )
         return found, assumptions + whole
+
+    def _box_by_box(self, values: Sequence[Span]) -> list[list[Array]]:
+        # Errors of all results.
+        rows = zip(self.kernel.results, self.computed.conversions, strict=True)
+        return [
+            [values[i].a + c + values[i].r * values[i].magnitude for i, c in zip(*row, strict=True)]
+            for row in rows
+        ]
 
     def images(self, cases: Sequence[Errors]) -> Iterator[Errors]:
         """Errors of the next states, from errors of the states, case by case.
@@ -216,11 +217,7 @@ class StepErrors:
             errors = [np.transpose(e) for e in zip(*cases, strict=True)]
             with suppress(RangeError):  # of one case: that need not be one that is asked for
                 values, _ = beside.propagated(errors)
-                rows = zip(self.kernel.results, self.computed.conversions, strict=True)
-                found = [
-                    [values[i].a + c + values[i].r * values[i].magnitude for i, c in zip(*row)]
-                    for row in islice(rows, len(errors))
-                ]
+                found = self._box_by_box(values)
                 for k in range(len(cases)):
                     yield self.state_errors([[float(x[k]) for x in row] for row in found])
                 return

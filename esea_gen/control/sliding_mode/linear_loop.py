@@ -123,8 +123,15 @@ def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> M
     return Mode(float(damping[i]), float(frequency[swings][i]))
 
 
-# SciPy's signal has it too, and loads all of scipy.stats for it: a second of processor time in
-# every command that builds a drive.
+# SciPy has both of these; loading it takes up to a second of every command that builds a drive.
+def _exponential(x: Array) -> Array:
+    small, one = x / 1024, np.eye(len(x))
+    series = one
+    for k in range(8, 0, -1):
+        series = one + small @ series / k
+    return np.linalg.matrix_power(series, 1024)
+
+
 def low_pass(cutoff_Hz: float, h: float) -> tuple[Array, ...]:
     """Butterworth filter of fourth order, by the bilinear rule, as a, b, c, d of its states."""
     poles = np.tan(np.pi * cutoff_Hz * h) * np.exp(1j * np.pi * np.array([5, 7, 9, 11]) / 8)
@@ -157,9 +164,7 @@ class LoopPeriod:
         plant[0, 1] = 1.0
         plant[1, :3] = -stiffness / j, -self.fv / j, n / j
         plant[2, 2:] = -1 / lag, 1 / lag
-        from scipy import linalg
-
-        exact = linalg.expm(plant * h)
+        exact = _exponential(plant * h)
         self.moved, self.pushed = exact[:3, :3], exact[:3, 3]
         self.filter = low_pass(drive.joint.motor_velocity_Hz.value, h)
         self.decay = math.exp(-h / lag)

@@ -360,8 +360,10 @@ _RULES: dict[str, Callable[..., Array]] = {
 }
 
 
-def names(x: Expr) -> set[str]:
-    return {x.name} if x.op in ("read", "ref") else {n for a in x.args for n in names(a)}
+def names(x: Expr) -> frozenset[str]:
+    if x.op in ("read", "ref"):
+        return frozenset((x.name,))
+    return frozenset().union(*map(names, x.args)) if x.args else frozenset()
 
 
 def evaluate(x: Expr, values: Mapping[str, Array], count: int) -> Array:

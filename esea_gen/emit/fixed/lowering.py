@@ -185,19 +185,13 @@ _RULES: dict[str, Callable[[Lowering, int, Node], Value]] = {
 def _needed(
     steps: Sequence[LoweredStep], results: Sequence[Sequence[Expr]]
 ) -> tuple[LoweredStep, ...]:
-    wanted = {n for r in results for e in r for n in names_in(e)}
+    wanted = {n for r in results for e in r for n in ex.names(e)}
     kept = []
     for s in reversed(steps):
         if s.name in wanted:
             kept.append(s)
-            wanted |= names_in(s.expr)
+            wanted |= ex.names(s.expr)
     return tuple(reversed(kept))
-
-
-def names_in(e: Expr) -> set[str]:
-    if e.op == "ref":
-        return {e.name}
-    return {n for a in e.args for n in names_in(a)}
 
 
 def rewrite(kernel: Kernel) -> Kernel:

@@ -158,11 +158,13 @@ def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> i
     return min(f, MOST_FRACTION_BITS)
 
 
+@cache
 def stem(name: str) -> str:
     suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
     return name[: -len(suffix)] if suffix and suffix != name else name
 
 
+@cache
 def local_name(name: str, fraction: int) -> str:
     base = stem(name.removesuffix("_used")) + ("_used" if name.endswith("_used") else "")
     return f"{base}_q{fraction}" if fraction >= 0 else f"{base}_qm{-fraction}"
