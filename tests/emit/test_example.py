@@ -18,8 +18,7 @@ from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, flag_word
 from esea_gen.language.system import System, Task
-from esea_gen.verify.example import run_example
-from esea_gen.verify.gates import check_objects
+from esea_gen.verify.gates import check_objects, run_example
 from tests.conftest import require_tool
 
 REALS = ("f64", "f32", "q31")

@@ -18,10 +18,9 @@ from esea_gen.verify.executor import (
     setup_difference,
     step_arguments,
 )
-from esea_gen.verify.memories import other_memories
+from esea_gen.verify.memories import aimed_stream, other_memories
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
-from esea_gen.verify.ties import aimed_stream
 from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
