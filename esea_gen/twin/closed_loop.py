@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -74,18 +74,9 @@ class ClosedLoop:
         The plant; its numbers can be changed at every run, only a cable cannot be added or taken.
     real : str
         Number format of the controller.
-    from_signals : sequence of str
-        Controller inputs that come from signals although the plant has them: what a fault campaign
-        puts its thumb on.
     """
 
-    def __init__(
-        self,
-        controller: System,
-        plant: PlantVariant,
-        real: str = "f32",
-        from_signals: Sequence[str] = (),
-    ) -> None:
+    def __init__(self, controller: System, plant: PlantVariant, real: str = "f32") -> None:
         if real not in FORMATS:
             raise UserError(
                 f"A closed loop has no number format '{real}'.",
@@ -103,7 +94,7 @@ class ClosedLoop:
         self._check_command()
         self._control = Renderer(controller, FORMATS[real], "-", "-", controller.name)
         self._columns = self._record_columns()
-        self._feeds, self.signals = self._wire(from_signals)
+        self._feeds, self.signals = self._wire()
         self._compile()
 
     # -- wiring ----------------------------------------------------------------------------------
@@ -147,16 +138,7 @@ class ClosedLoop:
         # C expression of a number in an input's format.
         return self._control.naming.from_units(x, source)
 
-    def _wire(
-        self, from_signals: Sequence[str]
-    ) -> tuple[dict[str, list[tuple[str, str]]], dict[str, int]]:
-        inputs = [x.name for x in self.controller.inputs]
-        unknown = [n for n in from_signals if n not in inputs]
-        if unknown:
-            raise UserError(
-                f"from_signals names {unknown[0]}, which is no input of {self.controller.name}.",
-                f"Its inputs are {', '.join(inputs)}.",
-            )
+    def _wire(self) -> tuple[dict[str, list[tuple[str, str]]], dict[str, int]]:
         sources = self._plant_sources()
         feeds: dict[str, list[tuple[str, str]]] = {}
         signals: dict[str, int] = {}
@@ -164,7 +146,7 @@ class ClosedLoop:
         for task in self.controller.tasks:
             feeds[task.name] = []
             for x in self.controller.task_inputs(task):
-                if x.name in sources and x.name not in from_signals:
+                if x.name in sources:
                     if x.port.size != 1:
                         raise UserError(
                             f"Input {x.name} of {self.controller.name} has {x.port.size} elements, "

@@ -116,12 +116,6 @@ def loop(device) -> ClosedLoop:
     return ClosedLoop(controller(), real_plant(device))
 
 
-@pytest.fixture(scope="module")
-def thumb(device) -> ClosedLoop:
-    """With a vector among the signals, and one encoder taken from them."""
-    return ClosedLoop(controller(vector=True), real_plant(device), from_signals=("count_load",))
-
-
 def signals_of(trajectory, ticks: int | None = None) -> dict:
     names = ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "tau_desired_Nm")
     return {n: trajectory.signals()[n][:ticks] for n in names}
@@ -253,18 +247,19 @@ def test_runs_start_afresh_and_follow_the_seed(loop):
     assert np.array_equal(*quiet)
 
 
-def test_signals_may_be_vectors_and_may_hold_anything(thumb):
-    assert thumb.signals == {"count_load": 1, "tau_desired_Nm": 1, "offsets": 3}
+def test_signals_may_be_vectors_and_may_hold_anything(device):
+    loop = ClosedLoop(controller(vector=True), real_plant(device))
+    assert loop.signals == {"tau_desired_Nm": 1, "offsets": 3}
     n = 400
     offsets = np.tile([0.01, 0.02, -0.005], (n, 1))
     tau = np.zeros(n)
     tau[100:200] = np.nan
-    signals = {"tau_desired_Nm": tau, "offsets": offsets, "count_load": np.zeros(n)}
-    run = thumb.run(signals)
+    signals = {"tau_desired_Nm": tau, "offsets": offsets}
+    run = loop.run(signals)
     assert run["command_Nm"][0] == pytest.approx(0.025, rel=1e-6)
     assert all(np.all(np.isfinite(run[k])) for k in run)
     with pytest.raises(UserError, match=r"offsets has shape \(400,\), not \(400, 3\)"):
-        thumb.run(signals | {"offsets": tau})
+        loop.run(signals | {"offsets": tau})
 
 
 def test_a_command_out_of_range_is_no_command(device):
@@ -340,5 +335,3 @@ def test_wrong_loops_are_refused(device):
         ClosedLoop(controller(), plant, "f16")
     with pytest.raises(UserError, match="cannot be named 'twin'"):
         ClosedLoop(controller(name="twin"), plant)
-    with pytest.raises(UserError, match="no input of pcontrol"):
-        ClosedLoop(controller(), plant, from_signals=("count_elbow",))
