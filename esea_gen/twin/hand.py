@@ -1,4 +1,4 @@
-"""Hands between two drives: who they are, and one that is driven tick by tick.
+"""Hands between two drives: who they are.
 
 Every number is assumed; what is published gives the order and the shape:
 
@@ -28,7 +28,6 @@ from esea_gen.errors import UserError, choose
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.people import PlantVariant, ideal_plant, random_plant, real_plant
 from esea_gen.twin.published import Person
-from esea_gen.twin.stepped import SteppedTwin
 
 Pair = tuple[float, float]
 
@@ -193,46 +192,3 @@ def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) 
     values |= named_hand(hand, seed).values(device.axes)
     values |= {of_axis("clamped", a): float(hand == "none") for a in device.axes}
     return PlantVariant(device, plant != "ideal", values)
-
-
-class SteppedHand(SteppedTwin):
-    """A plant of two axes, as :func:`hand_variant` makes it, driven tick by tick."""
-
-    def start(
-        self,
-        angles_rad: Sequence[float],
-        *,
-        hand: CoupledHand | None = None,
-        clamped: bool | Sequence[bool] | None = None,
-    ) -> dict[str, int]:
-        """Start at rest at one angle an axis; the counts there, by the board's input."""
-        return self.begin(angles_rad, self._values(hand, clamped))
-
-    def change(
-        self,
-        *,
-        hand: CoupledHand | None = None,
-        clamped: bool | Sequence[bool] | None = None,
-        **more: float,
-    ) -> None:
-        """Somebody comes, goes, clamps the handle or lets it go; everything stays where it is.
-
-        Default: the variant's hand, and what of it is clamped; ``clamped`` is for all axes or each.
-        """
-        self.prepare(self._values(hand, clamped) | more)
-
-    def _values(
-        self, hand: CoupledHand | None, clamped: bool | Sequence[bool] | None
-    ) -> dict[str, float]:
-        values = dict(self.variant.values)
-        if hand is not None:
-            held = {of_axis("clamped", a) for a in self.axes}
-            values |= {n: x for n, x in hand.values(self.axes).items() if n not in held}
-        if clamped is not None:
-            fixed = [clamped] * len(self.axes) if isinstance(clamped, bool) else clamped
-            for axis, one in zip(self.axes, fixed, strict=True):
-                values[of_axis("clamped", axis)] = float(one)
-        return values
-
-    step = SteppedTwin.advance
-    intend = SteppedTwin.follow

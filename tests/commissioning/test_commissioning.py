@@ -19,7 +19,7 @@ from esea_gen.errors import UserError
 from esea_gen.link.kept import name_encoders
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.run import plant_variant
-from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.twin.stepped import SteppedTwin
 from esea_host.cli import main
 from esea_host.commissioning import (
     STEPS,
@@ -40,6 +40,23 @@ BY_NAME = {s.name: s for s in STEPS}
 OPTIONS = StepOptions(KnownLoad(1.0, 0.2), 2.0, 1.0, 2)
 
 
+class WrongDrive(SteppedTwin):
+    """True over commanded torque may be another than 1, and encoders count the other way."""
+
+    def __init__(self, variant, motor_gain=1.0, reversed_encoders=()):
+        super().__init__(variant)
+        self.gain = motor_gain
+        full = {p.name: round(p.high) + 1 for p in self.system.blocks["encoders"].outputs}
+        self.turned = {n: full[n] for n in (f"count_{side}" for side in reversed_encoders)}
+
+    def step(self, u_Nm):
+        return super().step([self.gain * u for u in u_Nm])
+
+    def _read(self):
+        turned = self.turned
+        return {n: -x % turned[n] if n in turned else x for n, x in super()._read().items()}
+
+
 @pytest.fixture
 def bench_of(simulated_elbow):
     """A bench with a machine of the ideal plant, and what is wrong with it."""
@@ -47,7 +64,7 @@ def bench_of(simulated_elbow):
     def made(zeroed: bool = True, **wrong):
         drive = simulated_elbow
         first, variant = drive.first_plant, plant_variant(drive.device, "ideal", "ideal", 0)
-        drive.first_plant = SteppedPlant(variant, **wrong)
+        drive.first_plant = WrongDrive(variant, **wrong)
         drive.restart()
         drive.first_plant = first
         bench = simulated_bench(drive)

@@ -14,11 +14,11 @@ from esea_gen.device import load_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand import HANDS, CoupledHand, SteppedHand, hand_variant, random_hand, wrist
+from esea_gen.twin.hand import HANDS, CoupledHand, hand_variant, random_hand, wrist
 from esea_gen.twin.mechanics import WORKS
 from esea_gen.twin.parameters import plant_tunables
 from esea_gen.twin.people import PlantVariant
-from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.twin.stepped import SteppedTwin
 from tests.conftest import require_tool
 
 DEVICE = load_device("wrist_drive")
@@ -49,8 +49,8 @@ def paths(tick):
 @pytest.mark.parametrize("plant", ["ideal", "real"])
 @pytest.mark.parametrize("hand", [HANDS["stiff"], HANDS["limp"], random_hand(3)])
 def test_the_energy_balance_closes(plant, hand):
-    moved = SteppedHand(hand_variant(DEVICE, plant, "uncertain", 1))
-    moved.start([0.0, 0.0], hand=hand)
+    moved = SteppedTwin(hand_variant(DEVICE, plant, "uncertain", 1))
+    moved.start([0.0, 0.0], person=hand)
     largest = 0.0
     for tick in range(3000):
         push = [{**p, "tau_Nm": 1.5 * math.sin(0.01 * tick + i)} for i, p in enumerate(paths(tick))]
@@ -69,7 +69,7 @@ def test_the_energy_balance_closes(plant, hand):
 def test_without_coupling_it_is_two_single_axes():
     people = random_hand(5).people
     bare = CoupledHand(people, ends_rad=((-3.0, 3.0), (-0.2, 0.3)))
-    two = SteppedHand(hand_variant(DEVICE, "real", "uncertain", 2).having(**bare.values(AXES)))
+    two = SteppedTwin(hand_variant(DEVICE, "real", "uncertain", 2).having(**bare.values(AXES)))
     alone = DeviceData(DEVICE.file.model_copy(update={"axes": ()}), DEVICE.origin)
     known = {t.name for t in plant_tunables(alone, True)}
     for i, axis in enumerate(AXES):
@@ -78,16 +78,16 @@ def test_without_coupling_it_is_two_single_axes():
             for n in known
             if of_axis(n, axis) in two.variant.values
         }
-        one = SteppedPlant(PlantVariant(alone, True, own))
-        one.start(0.0, clamped=False, person=people[i])
+        one = SteppedTwin(PlantVariant(alone, True, own))
+        one.start([0.0], clamped=False, person=people[i])
         two.start([0.0, 0.0])
         for tick in range(1500):
             two.intend(paths(tick))
-            one.intend(paths(tick)[i])
+            one.intend([paths(tick)[i]])
             counts = two.step(commands(tick))
-            same = one.step(commands(tick)[i])
+            same = one.step([commands(tick)[i]])
         read = [counts[of_axis(f"count_{side}", axis)] for side in ("motor", "load", "gear")]
-        assert tuple(read) == same
+        assert read == list(same.values())
         for name in ("theta_l_rad", "theta_m_rad", "tau_e_Nm", "omega_l_rad_s"):
             assert two.truth()[of_axis(name, axis)] == pytest.approx(one.truth()[name], abs=1e-9)
 
@@ -116,8 +116,8 @@ def test_a_matrix_that_is_not_positive_definite_is_rejected(wrong):
 def test_stiffness_couples_the_axes():
     # A muscle torque of flexion alone turns the other axis as well, as the matrix says.
     hand = replace(HANDS["limp"], ends_rad=((-3.0, 3.0), (-3.0, 3.0)))
-    moved = SteppedHand(hand_variant(DEVICE, "ideal", "limp", 0))
-    moved.start([0.0, 0.0], hand=hand)
+    moved = SteppedTwin(hand_variant(DEVICE, "ideal", "limp", 0))
+    moved.start([0.0, 0.0], person=hand)
     moved.intend([{"theta_p_rad": 0.0, "tau_Nm": 1.0}, {"theta_p_rad": 0.0}])
     for _ in range(8000):
         moved.step([0.0, 0.0])
@@ -129,7 +129,7 @@ def test_stiffness_couples_the_axes():
 
 
 def test_a_clamped_axis_stays_and_the_other_moves():
-    moved = SteppedHand(hand_variant(DEVICE, "ideal", "limp", 0))
+    moved = SteppedTwin(hand_variant(DEVICE, "ideal", "limp", 0))
     moved.start([0.1, -0.1], clamped=[True, False])
     for _ in range(500):
         moved.step([0.1, 0.1])

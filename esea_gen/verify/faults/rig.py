@@ -17,9 +17,9 @@ from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.hand import SteppedHand, hand_variant
+from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.people import real_plant
-from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.twin.stepped import SteppedTwin
 from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
 from esea_gen.verify.faults.subjects import (
     CLAMPED,
@@ -104,41 +104,29 @@ class RigPlant:
 
     def __init__(self, device: Device, scene: FaultScene, seed: int, counts: Sequence[str]) -> None:
         self.axes, self.names = device.axes, counts
-        self.clamped = scene.person == CLAMPED
-        subject = subject_of(scene.person)
-        self.person = subject.person
-        self.reflex = StretchReflex(1e-3) if subject.reflex else None
+        clamped, subject = scene.person == CLAMPED, subject_of(scene.person)
+        self.reflex: StretchReflex | None = None
+        self.who: dict[str, Any] = {}
         if len(self.axes) == 1:
-            self.one: SteppedPlant | None = SteppedPlant(real_plant(device, seed=seed))
+            self.twin = SteppedTwin(real_plant(device, seed=seed))
+            self.who = {"clamped": clamped, "person": subject.person}
+            self.reflex = StretchReflex(1e-3) if subject.reflex else None
         else:
-            self.one = None
-            name = "none" if self.clamped else "uncertain"
-            self.two = SteppedHand(hand_variant(device, "real", name, seed))
+            hand = "none" if clamped else "uncertain"
+            self.twin = SteppedTwin(hand_variant(device, "real", hand, seed))
 
-    def start(self) -> Sequence[int]:
+    def start(self) -> list[int]:
         """Counts at rest."""
-        if self.one is not None:
-            return self.one.start(0.0, clamped=self.clamped, person=self.person)
-        return self._ordered(self.two.start([0.0] * len(self.axes)))
+        return self._ordered(self.twin.start([0.0] * len(self.axes), **self.who))
 
-    def step(self, u_Nm: Sequence[float], path: Mapping[str, float]) -> Sequence[int]:
+    def step(self, u_Nm: Sequence[float], path: Mapping[str, float]) -> list[int]:
         """One tick, every axis moved alike; the counts at its end."""
-        if self.one is not None:
-            if self.reflex is not None:
-                pulled = self.reflex.moved(path["theta_p_rad"], self.one.angle_rad())
-                path = {**path, "theta_p_rad": pulled}
-            self.one.intend(path)
-            return self.one.step(*u_Nm)
-        share = [dict(path)] + [{n: REST * x for n, x in path.items()} for _ in self.axes[1:]]
-        self.two.intend(share)
-        return self._ordered(self.two.step(u_Nm))
-
-    def felt(self) -> list[tuple[float, float]]:
-        """Torque on the limb and its speed, of each axis."""
-        if self.one is not None:
-            return [self.one.torque_and_speed()]
-        truth, names = self.two.truth(), ("tau_e_Nm", "omega_l_rad_s")
-        return [(truth[of_axis(names[0], a)], truth[of_axis(names[1], a)]) for a in self.axes]
+        if self.reflex is not None:
+            pulled = self.reflex.moved(path["theta_p_rad"], self.twin.felt()[0][2])
+            path = {**path, "theta_p_rad": pulled}
+        rest = [{n: REST * x for n, x in path.items()} for _ in self.axes[1:]]
+        self.twin.intend([path, *rest])
+        return self._ordered(self.twin.step(u_Nm))
 
     def _ordered(self, counts: Mapping[str, int]) -> list[int]:
         return [counts[n] for n in self.names]
@@ -225,9 +213,9 @@ class FaultRig:
             path = intended(k, scene.motion, halt) | {"noise": float(noise[k])}
             counts = plant.step(u_Nm, path)
             if k >= at:
-                truth = plant.felt()
-                tau.append(max(abs(torque) for torque, _ in truth))
-                power.append(sum(torque * speed for torque, speed in truth))
+                felt = plant.twin.felt()
+                tau.append(max(abs(torque) for torque, *_ in felt))
+                power.append(sum(torque * speed for torque, speed, _ in felt))
                 if found is None and board.state_now not in ("ACTIVE", "ARMED", "STOPPING"):
                     found, reason = k - at, int(board.lib.sim_fault())
             elif k == at - 1 and board.state_now != "ACTIVE":

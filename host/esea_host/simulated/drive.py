@@ -17,18 +17,11 @@ from esea_gen.device import Device, board_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.link.transport import Transport
-from esea_gen.twin.hand import (
-    HAND_NAMES,
-    NOBODY,
-    CoupledHand,
-    SteppedHand,
-    hand_variant,
-    named_hand,
-)
+from esea_gen.twin.hand import HAND_NAMES, NOBODY, CoupledHand, hand_variant, named_hand
 from esea_gen.twin.people import limb_of, random_person
 from esea_gen.twin.published import PEOPLE, Person
 from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
-from esea_gen.twin.stepped import EMPTY, SteppedPlant
+from esea_gen.twin.stepped import EMPTY, SteppedTwin
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import SIMULATED_BOARDS, identify
 from esea_host.recording.replay import loaded_device
@@ -68,7 +61,7 @@ class SimulatedBoard:
         self._seed, self._motion = seed, MOTION if motion is None else motion
         self.passive = not self.device.laws
         self._person: Person | CoupledHand = EMPTY
-        self.plant: SteppedPlant | SteppedHand | MovedJoint
+        self.plant: SteppedTwin | MovedJoint
         if self.passive:
             of_drive = {"plant": plant, "person": person, "spring": spring_Nm_rad}
             if unfit := [n for n, v in of_drive.items() if v]:
@@ -77,7 +70,7 @@ class SimulatedBoard:
                     "Say how it is moved: --motion person, therapist or a table's file.",
                 )
             self._clamped = False
-            self.first_plant: SteppedPlant | SteppedHand | MovedJoint = self._moved_joint()
+            self.first_plant: SteppedTwin | MovedJoint = self._moved_joint()
         else:
             if motion is not None:
                 raise UserError(
@@ -90,7 +83,7 @@ class SimulatedBoard:
                 self._variant = plant_variant(self.device, plant, "ideal", seed)
                 self.first_plant = self._plant_with(spring_Nm_rad)
             else:
-                self.first_plant = SteppedHand(hand_variant(self.device, plant, "ideal", seed))
+                self.first_plant = SteppedTwin(hand_variant(self.device, plant, "ideal", seed))
         self.first_person = self._person, self._clamped
         self.board = SimBoard(self.device, board=board)
         self._transport = self.board.transport
@@ -103,18 +96,21 @@ class SimulatedBoard:
             return named_hand(known("person", person, HAND_NAMES), self._seed)
         return named_person(self.device, person, self._seed)
 
-    def _plant_with(self, spring_Nm_rad: float) -> SteppedPlant:
+    def _plant_with(self, spring_Nm_rad: float) -> SteppedTwin:
         device = _with_spring(self.device, spring_Nm_rad) if spring_Nm_rad else self.device
-        return SteppedPlant(dataclasses.replace(self._variant, device=device))
+        return SteppedTwin(dataclasses.replace(self._variant, device=device))
 
     def build_in(self, spring_Nm_rad: float) -> None:
         """Exchange the unloaded element of a drive of one axis; the board is not told."""
         before, plant = self.plant, self._plant_with(spring_Nm_rad)
-        assert isinstance(before, SteppedPlant)
-        assert isinstance(self._person, Person)
-        at_rad = float(before.truth()["theta_l_rad"])
         self.plant = self.first_plant = plant
-        self.board.show(plant.start(at_rad, clamped=self._clamped, person=self._person))
+        self._begin(plant, [before.truth()["theta_l_rad"]])
+
+    def _begin(self, plant: SteppedTwin, angles_rad: Sequence[float]) -> None:
+        self._show(plant.start(angles_rad, clamped=self._clamped, person=self._person))
+
+    def _show(self, counts: Mapping[str, int]) -> None:
+        self.board.show(counts[n] for n in self._counts)
 
     def _moved_joint(self) -> MovedJoint:
         named = self._motion
@@ -132,14 +128,10 @@ class SimulatedBoard:
     ) -> None:
         """What somebody does at the machine meanwhile; everything goes on from where it is."""
         more, self._intent = dict(values or {}), hand
-        if isinstance(self.plant, SteppedPlant):
-            self._person = EMPTY if person is None else person
-            assert isinstance(self._person, Person)
-            self.plant.change(clamped=bool(clamped), person=self._person, **more)
-        elif isinstance(self.plant, SteppedHand):
-            self._person = NOBODY if person is None else person
-            assert isinstance(self._person, CoupledHand)
-            self.plant.change(clamped=clamped, hand=self._person, **more)
+        if isinstance(self.plant, SteppedTwin):
+            nobody = EMPTY if len(self.axes) == 1 else NOBODY
+            self._person = nobody if person is None else person
+            self.plant.change(clamped=clamped, person=self._person, **more)
         elif motion is not None:
             self.plant.motion = motion
         else:
@@ -152,15 +144,8 @@ class SimulatedBoard:
         self._noise = np.random.default_rng([self._seed, 3])
         self._draw()
         self.ticks, self._moved_ticks = 0, 0
-        if isinstance(self.plant, SteppedPlant):
-            assert isinstance(self._person, Person)
-            counts = self.plant.start(0.0, clamped=self._clamped, person=self._person)
-            self.board.show(counts)
-        elif isinstance(self.plant, SteppedHand):
-            assert isinstance(self._person, CoupledHand)
-            rest = [0.0] * len(self.axes)
-            named = self.plant.start(rest, clamped=self._clamped, hand=self._person)
-            self.board.show(named[n] for n in self._counts)
+        if isinstance(self.plant, SteppedTwin):
+            self._begin(self.plant, [0.0] * len(self.axes))
         else:
             self.plant = self._moved_joint()
             self.board.show(self.plant.start())
@@ -174,13 +159,9 @@ class SimulatedBoard:
         """One base tick of the board, and what the plant makes of its command."""
         self.board.step()
         plant = self.plant
-        if isinstance(plant, SteppedPlant):
-            plant.intend(self._paths()[0])
-            self.board.show(plant.step(*self.board.motors_Nm))
-        elif isinstance(plant, SteppedHand):
+        if isinstance(plant, SteppedTwin):
             plant.intend(self._paths())
-            counts = plant.step(self.board.motors_Nm)
-            self.board.show(counts[n] for n in self._counts)
+            self._show(plant.step(self.board.motors_Nm))
         else:
             # Zeroed once, it moves whatever the board does.
             moves = not self.led and (self._moved_ticks > 0 or self.board.state_now == "READY")

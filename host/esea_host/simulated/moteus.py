@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from esea_gen.board.moteus import MoteusDrive
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.twin.run import PLANT_NAMES, plant_variant
-from esea_gen.twin.stepped import SteppedPlant
+from esea_gen.twin.stepped import SteppedTwin
 from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_person
 from esea_host.simulated.server import IDLE_S, Terminal
 
@@ -44,16 +44,16 @@ class MoteusJoint:
         self._gear_bits = 1 << int(actuator.encoder_bits.value)
         self.drive = MoteusDrive({"motor_position.rotor_to_output_ratio": f"{1 / self.gear:.9f}"})
         variant = plant_variant(loaded, known("plant", plant, PLANT_NAMES), "ideal", seed)
-        self.plant, self.rotor_side = SteppedPlant(variant), rotor_side
+        self.plant, self.rotor_side = SteppedTwin(variant), rotor_side
         who = named_person(loaded, person, seed)
         self._rotor = self._last = 0  # counts of the rotor, over all its turns
-        counts = self.plant.start(0.0, clamped=person == CLAMPED, person=who)
-        self._last = counts[2]
+        counts = self.plant.start([0.0], clamped=person == CLAMPED, person=who)
+        self._last = counts["count_gear"]
         self.show(counts)
 
-    def show(self, counts: tuple[int, int, int]) -> None:
-        """Have the drive's encoders read these: motor side, load side, motor."""
-        motor, load, gear = counts
+    def show(self, counts: Mapping[str, int]) -> None:
+        """Have the drive's encoders read these."""
+        motor, load, gear = (counts[f"count_{side}"] for side in ("motor", "load", "gear"))
         half = self._gear_bits // 2
         self._rotor += (gear - self._last + half) % self._gear_bits - half
         self._last = gear
@@ -68,7 +68,7 @@ class MoteusJoint:
 
     def move(self) -> None:
         """A millisecond of the plant alone."""
-        self.show(self.plant.step(self.drive.torque_Nm / self.gear))
+        self.show(self.plant.step([self.drive.torque_Nm / self.gear]))
 
 
 def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) -> None:
