@@ -144,7 +144,7 @@ class SteppedTwin:
         return {n: float(getattr(self._plant, n)) for n in self._outputs}
 
     def felt(self) -> list[list[float]]:
-        """Of :meth:`truth` what a run needs every tick, by axis: torque on the limb, speed, angle."""
+        """Of :meth:`truth` what a run needs every tick: torque, speed and angle of each limb."""
         return [[float(getattr(self._plant, n)) for n in names] for names in self._felt]
 
     def _read(self) -> dict[str, int]:
