@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.board.emulator import qemu_command
+from esea_gen.board.firmware import Symbol, symbols
 from esea_gen.cache import cache_folder
 from esea_gen.device import Device
 from esea_gen.emit.build import format_hash
@@ -24,7 +25,6 @@ from esea_gen.hostlib.library import HostLibrary, compile_device, run_schedule
 from esea_gen.language.system import Task
 from esea_gen.model.sensing import zeros_missing
 from esea_gen.targets import (
-    ARM_GCC,
     BARE_LINK,
     EXACT_FLAGS,
     SECTION_FLAGS,
@@ -63,17 +63,8 @@ def counting_plugin() -> Path:
     return compile_sources({source.name: source.read_text(encoding="utf-8")})
 
 
-def _symbols(image: Path) -> dict[str, tuple[int, int]]:
-    nm = find_compiler(*ARM_GCC.tool("nm"))
-    text = call_tool([nm, "-S", str(image)])
-    found = {}
-    for row in re.findall(r"^([0-9a-f]+) (?:([0-9a-f]+) )?\w (\S+)$", text, re.MULTILINE):
-        found[row[2]] = (int(row[0], 16), int(row[1] or "0", 16))
-    return found
-
-
-def call_tool(command: Sequence[str | Path]) -> str:
-    """All that a tool of the toolchain says."""
+def _called(command: Sequence[str | Path]) -> str:
+    # All that a tool of the toolchain says.
     done = run_tool(
         command,
         failed=f"{Path(command[0]).name} failed",
@@ -85,47 +76,61 @@ def call_tool(command: Sequence[str | Path]) -> str:
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a program said on an emulated board."""
+    """What a program said on an emulated board, and the instructions from an entry to the next."""
 
-    rows: list[list[str]]
+    said: str
     instructions: dict[str, float]
-    flash_bytes: int
+    symbols: list[Symbol]
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Lines of words, as the loop around a device's tasks prints them."""
+        lines = self.said.splitlines()
+        return [line.split() for line in lines if re.fullmatch(r"([0-9a-f]{8} )+ *", line)]
+
+    @property
+    def flash_bytes(self) -> int:
+        """Without that loop and what it is given."""
+        return sum(
+            s.size
+            for s in self.symbols
+            if s.address < 0x20000000 and s.name not in AROUND and not s.name.endswith("_stream")
+        )
 
 
-def emulate(files: Mapping[str, str], board: Board) -> Emulation:
-    """Compile a program with ``-O2`` and run it on an emulated board."""
+AROUND = {"entry", "counted_step", "stream", "hex", "line", "call", "vectors"}
+
+
+def emulate(
+    files: Mapping[str, str],
+    board: Board,
+    entry: str = "counted_step",
+    high: str = "harness",
+    low: str | None = None,
+) -> Emulation:
+    """Compile a program with ``-O2`` and run it; counted is what stands between two symbols."""
     gcc = find_compiler(*board.processor.toolchain.gcc)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)
         write_texts(folder, files)
         sources = [str(folder / n) for n in sorted(files) if n.endswith(".c")]
-        image = folder / "bare.elf"
+        (script,) = folder.glob("*.ld")
+        image = folder / "board.elf"
         flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS]
-        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/bare.ld"]
-        call_tool([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image)])
-        symbols = _symbols(image)
-        start, end = symbols["counted_step"][0], symbols["harness"][0]
-        count = f"{counting_plugin()},entry={start:#x},low=0x0,high={end:#x}"
-        said = call_tool(
-            [
-                *qemu_command(board, semihosting=True),
-                *("-d", "plugin", "-plugin", count),
-                *("-kernel", str(image)),
-            ]
-        )
-    own = {"entry", "counted_step", "stream", "hex", "line", "call", "vectors"}
-    flash = sum(
-        size
-        for name, (at, size) in symbols.items()
-        if at < 0x20000000 and name not in own and not name.endswith("_stream")
-    )
-    rows = [line.split() for line in said.splitlines() if re.fullmatch(r"([0-9a-f]{8} )+ *", line)]
+        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{script}"]
+        _called([gcc, *flags, f"-I{folder}", *sources, *link, "-o", str(image), "-lm"])
+        found = symbols([image])
+        at = {s.name: s.address for s in found}
+        start = 0 if low is None else at[low]
+        count = f"{counting_plugin()},entry={at[entry]:#x},low={start:#x},high={at[high]:#x}"
+        qemu = qemu_command(board, semihosting=True)
+        said = _called([*qemu, "-d", "plugin", "-plugin", count, "-kernel", str(image)])
     counted = re.search(r"entries (\d+) instructions (\d+) min (\d+) max (\d+)", said)
     if counted is None:
         raise RuntimeError(f"the plugin did not count:\n{said[-2000:]}")
     entries, total, least, most = map(int, counted.groups())
     means = {"min": float(least), "mean": total / entries, "max": float(most)}
-    return Emulation(rows, means, flash)
+    return Emulation(said, means, found)
 
 
 def run_bare(
@@ -155,9 +160,10 @@ def run_bare(
     files["bare.c"] = renderer.render("verify/bare.c.j2", **context)
     files["bare.ld"] = renderer.render("verify/bare.ld.j2", **context)
     done = emulate(files, chosen)
-    if len(done.rows) != ticks + 1:
-        raise RuntimeError(f"the emulated board did not finish: {len(done.rows)} rows")
-    got = np.array([[int(w, 16) for w in r] for r in done.rows[:-1]], dtype=np.uint32)
+    rows = done.rows
+    if len(rows) != ticks + 1:
+        raise RuntimeError(f"the emulated board did not finish: {len(rows)} rows")
+    got = np.array([[int(w, 16) for w in r] for r in rows[:-1]], dtype=np.uint32)
     wrong = np.argwhere(got != expected)
     difference = ""
     if len(wrong):
@@ -175,8 +181,8 @@ def run_bare(
         difference,
         done.instructions,
         done.flash_bytes,
-        int(done.rows[-1][1], 16),
-        int(done.rows[-1][0], 16),
+        int(rows[-1][1], 16),
+        int(rows[-1][0], 16),
     )
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from esea_gen.board.stack import CallGraph, deepest_stack, stack_by_priority
 from esea_gen.cache import cache_folder
@@ -74,29 +74,37 @@ class FirmwareImage:
         return asdict(self) | {"elf": self.elf.name}
 
 
-def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[tuple[str, str, str]]:
+class Symbol(NamedTuple):
+    file: str
+    name: str
+    kind: str  # a letter, as ``nm`` has it
+    address: int = 0
+    size: int = 0
+
+
+def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[Symbol]:
     """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all."""
     tool = find_compiler(*toolchain.tool("nm"))
     done = run_tool([tool, "-A", "-P", *objects], failed="nm failed")
     found = []
     for line in done.stdout.splitlines():
         file, _, rest = line.rpartition(": ")
-        symbol, kind, *_ = rest.split()
-        found.append((Path(file).name, symbol, kind))
+        name, kind, *numbers = rest.split()
+        found.append(Symbol(Path(file).name, name, kind, *(int(n, 16) for n in numbers)))
     return found
 
 
 def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
     """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio."""
     found = symbols(objects, toolchain)
-    defined = {symbol for _, symbol, kind in found if kind not in "Uw"}
-    wanted = [(o, s) for o, s, kind in found if kind in "Uw"]
-    return [f"{o}: {s}" for o, s in wanted if s not in defined and not _ALLOWED.fullmatch(s)]
+    defined = {s.name for s in found if s.kind not in "Uw"}
+    wanted = [s for s in found if s.name not in defined and not _ALLOWED.fullmatch(s.name)]
+    return [f"{s.file}: {s.name}" for s in wanted]
 
 
 def double_helpers(elf: Path, toolchain: Toolchain = ARM_GCC) -> list[str]:
     """Helpers of double arithmetic that have been linked into an image."""
-    return sorted({n for _, n, _ in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(n)})
+    return sorted({s.name for s in symbols([elf], toolchain) if DOUBLE_HELPER.fullmatch(s.name)})
 
 
 def build_firmware(

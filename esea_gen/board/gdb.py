@@ -7,11 +7,10 @@ from types import TracebackType
 from typing import Self
 
 from esea_gen.board.emulator import qemu_command
-from esea_gen.board.firmware import FirmwareImage
-from esea_gen.hostlib.compiler import find_compiler, run_tool
+from esea_gen.board.firmware import FirmwareImage, symbols
 from esea_gen.link.transport import LinkError, Process
 from esea_gen.portability import listening_for_qemu
-from esea_gen.targets import ARM_GCC, find_board
+from esea_gen.targets import find_board
 
 TIMEOUT_S = 30.0
 PC = 15
@@ -119,7 +118,5 @@ class HeldProcessor:
 
 def addresses(image: FirmwareImage) -> dict[str, int]:
     """Where an image's functions and objects stand."""
-    tool = find_compiler(*ARM_GCC.tool("nm"))
-    said = run_tool([tool, "-P", image.elf], failed="nm failed").stdout
-    rows = [line.split() for line in said.splitlines()]
-    return {r[0]: int(r[2], 16) & ~1 if r[1] in "tT" else int(r[2], 16) for r in rows if len(r) > 2}
+    found = symbols([image.elf])
+    return {s.name: s.address & ~1 if s.kind in "tT" else s.address for s in found}

@@ -120,7 +120,7 @@ def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[st
 
 def _symbols(objects: Sequence[Path], target: Processor) -> list[str]:
     found = []
-    for file, symbol, kind in symbols(objects, target.toolchain):
+    for file, symbol, kind, *_ in symbols(objects, target.toolchain):
         if kind in "DdBbCGgSs":
             found.append(f"{file}: {symbol}: writable data")
         if kind in "TDBRCVWGSi" and not symbol.startswith("esea_"):

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import re
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from esea_gen.board.bare import call_tool, counting_plugin
-from esea_gen.board.emulator import find_qemu, qemu_command
+from esea_gen.board.bare import emulate
+from esea_gen.board.emulator import find_qemu
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler, write_texts
+from esea_gen.hostlib.compiler import find_compiler
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.targets import (
-    ARM_GCC,
-    BARE_LINK,
-    BOARDS,
-    EXACT_FLAGS,
-    SECTION_FLAGS,
-    Board,
-)
+from esea_gen.targets import ARM_GCC, BOARDS, Board
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 STEPS = 400
@@ -74,27 +65,14 @@ def count_step(
     board: Board, files: dict[str, str], renderer: Renderer, step: str, libm: bool = False
 ) -> Count:
     """Count the instructions of a step on an emulated board."""
-    gcc = find_compiler(*board.processor.toolchain.gcc)
-    qemu = qemu_command(board, semihosting=True)
     context = {"board": board, "double": libm}
     extra = {n: renderer.render(f"bench/{n}.j2", **context) for n in ("board.c", "board.ld")}
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        write_texts(folder, files | extra)
-        image, log = folder / "board.elf", folder / "log"
-        flags = [*board.compile_flags, *EXACT_FLAGS, *SECTION_FLAGS, f"-I{folder}"]
-        link = [*BARE_LINK, "--specs=nosys.specs", f"-T{folder}/board.ld"]
-        call_tool([gcc, *flags, *sorted(folder.glob("*.c")), *link, "-o", image, "-lm"])
-        listed = call_tool([f"{gcc.removesuffix('gcc')}nm", image]).splitlines()
-        at = {parts[2]: parts[0] for line in listed if len(parts := line.split()) == 3}
-        named = {"entry": step, "low": "counted_low", "high": "counted_high"}
-        plugin = ",".join([str(counting_plugin()), *(f"{k}=0x{at[s]}" for k, s in named.items())])
-        answer = call_tool([*qemu, "-d", "plugin", "-D", log, "-plugin", plugin, "-kernel", image])
-        counted = [int(n) for n in re.findall(r"\d+", log.read_text(encoding="utf-8"))]
-    found = re.search(r"^([0-9a-f]{8})$", answer, re.MULTILINE)
-    if found is None or len(counted) != 4:
-        raise RuntimeError(f"{board.title} did not answer: {answer}\n{counted}")
-    return Count(counted[1] / counted[0], counted[2], counted[3], int(found.group(1), 16))
+    done = emulate(files | extra, board, step, "counted_high", "counted_low")
+    found = re.search(r"^([0-9a-f]{8})$", done.said, re.MULTILINE)
+    if found is None:
+        raise RuntimeError(f"{board.title} did not answer: {done.said}")
+    n = done.instructions
+    return Count(n["mean"], int(n["min"]), int(n["max"]), int(found.group(1), 16))
 
 
 def missing_tool() -> str:
