@@ -78,20 +78,16 @@ def resample(
     time_s: npt.ArrayLike,
     signals: Sequence[npt.ArrayLike],
     *,
-    period_s: float | None = None,
     max_gap_s: float | None = None,
 ) -> Resampled:
-    """Bring irregular samples onto a regular grid, without bridging gaps."""
+    """Bring irregular samples onto a regular grid of their usual step, without bridging gaps."""
     # Linear interpolation over an interval d multiplies a sine of frequency f by sinc^2(f d):
     # 0.3 dB at f d = 0.1; in a ratio of two signals of one record it cancels.
-    from scipy.signal import fftconvolve, firwin
-
     time = checked_time(time_s)
     columns = [checked(f"signal {i}", s, len(time)) for i, s in enumerate(signals)]
     steps = np.diff(time)
-    typical = float(np.median(steps))
-    period = typical if period_s is None else checked_period(period_s)
-    limit = 10 * typical if max_gap_s is None else checked_period(max_gap_s)
+    period = float(np.median(steps))
+    limit = 10 * period if max_gap_s is None else checked_period(max_gap_s)
     edges = np.concatenate([[-1], np.flatnonzero(steps > limit), [len(time) - 1]])
     spans = [time[b] - time[a + 1] for a, b in pairwise(edges)]
     best = int(np.argmax(spans))
@@ -101,20 +97,11 @@ def resample(
         raise UserError(
             f"The longest stretch without a gap above {limit:g} s lasts "
             f"{inside[-1] - inside[0]:g} s; {MIN_SAMPLES} samples of {period:g} s are needed.",
-            "Raise max_gap_s, lower period_s or repeat the recording.",
+            "Raise max_gap_s or repeat the recording.",
         )
-    finer = max(1, math.ceil(period / typical - 0.5))
-    fine = inside[0] + period / finer * np.arange(
-        math.floor((inside[-1] - inside[0]) / period * finer * (1 + 1e-12)) + 1
-    )
-    out = []
-    for column in columns:
-        values = np.interp(fine, inside, column[part])
-        if finer > 1:
-            taps = firwin(20 * finer + 1, 0.8 / finer)
-            padded = np.pad(values, len(taps) // 2, mode="reflect", reflect_type="odd")
-            values = fftconvolve(padded, taps, "valid")[::finer]
-        out.append(np.asarray(values, dtype=np.float64))
+    count = math.floor((inside[-1] - inside[0]) / period * (1 + 1e-12)) + 1
+    grid = inside[0] + period * np.arange(count)
+    out = (np.asarray(np.interp(grid, inside, c[part]), dtype=np.float64) for c in columns)
     widest = float(np.max(np.diff(inside)))
     dropped = float(time[-1] - time[0] - (inside[-1] - inside[0]))
-    return Resampled(fine[::finer], period, tuple(out), dropped, widest)
+    return Resampled(grid, period, tuple(out), dropped, widest)

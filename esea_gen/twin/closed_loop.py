@@ -134,12 +134,8 @@ class ClosedLoop:
         places = [f"{task}_out.{e}" for e in _elements(x, x.name)]
         return [naming.to_units(x, p) for p in places]
 
-    def _given(self, x: External, source: str) -> str:
-        # C expression of a number in an input's format.
-        return self._control.naming.from_units(x, source)
-
     def _wire(self) -> tuple[dict[str, list[tuple[str, str]]], dict[str, int]]:
-        sources = self._plant_sources()
+        sources, given = self._plant_sources(), self._control.naming.from_units
         feeds: dict[str, list[tuple[str, str]]] = {}
         signals: dict[str, int] = {}
         places: dict[str, int] = {}  # first column of a signal, which several tasks may read
@@ -153,13 +149,12 @@ class ClosedLoop:
                             "the plant's output of that name one.",
                             "Rename it.",
                         )
-                    value = self._given(x, sources[x.name][0])
-                    feeds[task.name].append((x.name, value))
+                    feeds[task.name].append((x.name, given(x, sources[x.name][0])))
                     continue
                 place = places.setdefault(x.name, sum(signals.values()))
                 signals[x.name] = x.port.size
                 for i, e in enumerate(_elements(x, x.name)):
-                    feeds[task.name].append((e, self._given(x, f"signals[{place + i}]")))
+                    feeds[task.name].append((e, given(x, f"signals[{place + i}]")))
         return feeds, signals
 
     def _compile(self) -> None:

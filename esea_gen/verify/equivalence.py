@@ -116,39 +116,32 @@ def verify(
     for real in reals:
         library = compile_device(device, real)
         oracle = CasadiOracle(device.system) if real == "f64" else None
-        for program in _of_kind(chosen, "program"):
-            for k, stream in enumerate(tried[program.name]):
-                say(f"{program.name}, {real}: {stream.name}")
-                if (program.name, k) not in known:
-                    known[program.name, k] = run_executor(program, stream)
-                expected = known[program.name, k]
-                comparisons.append(compare_program(device, program, library, stream, expected))
-        for block in _of_kind(chosen, "block"):
-            rule = None
-            if real == "f32":
+        for block in sorted(chosen, key=lambda b: b.kind != "program"):
+            program, rule = block.kind == "program", None
+            if real == "f32" and not program:
                 say(f"deriving the float32 bound of {block.name}")
                 derived, rule = bounds_or_rule(device, block)
                 if derived:
                     bounds[block.name] = derived
-            held = bounds.get(block.name, {})
-            first = len(comparisons)
+            held, own = bounds.get(block.name, {}), list[Comparison]()
             for k, stream in enumerate(tried[block.name]):
                 say(f"{block.name}, {real}: {stream.name}")
                 if (block.name, k) not in known:
-                    known[block.name, k] = run_symbolic(block, stream)
+                    known[block.name, k] = (run_executor if program else run_symbolic)(
+                        block, stream
+                    )
                 expected = known[block.name, k]
-                comparisons.append(
-                    compare(device, block, library, stream, held, oracle, rule, expected)
+                own.append(
+                    compare_program(device, block, library, stream, expected)
+                    if program
+                    else compare(device, block, library, stream, held, oracle, rule, expected)
                 )
-            if all(c.beyond for c in comparisons[first:]):
-                comparisons[first].problems.append(UNTRIED)
+            if all(c.beyond for c in own):
+                own[0].problems.append(UNTRIED)
+            comparisons += own
     scales = {b.name: full_scales(device, b) for b in chosen}
     smallest: dict[str, float] = {}
-    for own in scales.values():
-        for name, value in own.items():
+    for each in scales.values():
+        for name, value in each.items():
             smallest[name] = min(value, smallest.get(name, value))
     return Verification(device.name, device_hash(device), comparisons, bounds, smallest, scales)
-
-
-def _of_kind(blocks: Sequence[Any], kind: str) -> list[Any]:
-    return [b for b in blocks if b.kind == kind]

@@ -74,30 +74,21 @@ def test_instability_of_an_oscillator(zeta, verdict):
 
 
 @settings(max_examples=30)
-@given(
-    seed=st.integers(0, 2**32 - 1), slope=st.floats(-5, 5), period_s=st.sampled_from([None, 2e-3])
-)
-def test_a_straight_line_stays_one(seed, slope, period_s):
+@given(seed=st.integers(0, 2**32 - 1), slope=st.floats(-5, 5))
+def test_a_straight_line_stays_one(seed, slope):
     t = np.cumsum(np.random.default_rng(seed).uniform(5e-4, 1.5e-3, 800))
-    r = resample(t, [3 + slope * t, t], period_s=period_s)
+    r = resample(t, [3 + slope * t, t])
     assert np.diff(r.time_s) == pytest.approx(r.period_s, rel=1e-9)
     assert r.signals[0] == pytest.approx(3 + slope * r.time_s, abs=1e-9)
     assert r.dropped_s == 0
 
 
-def test_gaps_are_cut_and_fast_parts_do_not_fold():
+def test_gaps_are_cut():
     t = np.concatenate([[0.0], 0.3 + H * np.arange(4000), 4.8 + H * np.arange(1000)])
     r = resample(t, [np.sin(2 * np.pi * 5 * t)])
     assert (r.time_s[0], r.time_s[-1]) == pytest.approx((0.3, 4.299))
     assert r.dropped_s == pytest.approx(5.799 - 3.999)
     assert r.widest_s == pytest.approx(H)
-    # 45 Hz on a 20 ms grid would fold to 5 Hz.
-    slow = resample(t, [np.sin(2 * np.pi * 45 * t), np.sin(2 * np.pi * 5 * t)], period_s=0.02)
-    inner = slice(15, -15)
-    assert np.max(np.abs(slow.signals[0][inner])) < 0.01
-    assert slow.signals[1][inner] == pytest.approx(
-        np.sin(2 * np.pi * 5 * slow.time_s[inner]), abs=0.01
-    )
     with pytest.raises(UserError, match="longest stretch"):
         resample(np.arange(40.0), [np.zeros(40)], max_gap_s=0.5)
     with pytest.raises(UserError, match="sample 7 is nan"):

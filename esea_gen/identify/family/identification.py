@@ -47,7 +47,7 @@ from esea_gen.identify.recording.reading import MAX_TAU_NM
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.resampling import LeftOut
 from esea_gen.identify.verdict import Verdict, judge, worth_of
-from esea_gen.model.family import FittedMember, Member, Start, Term
+from esea_gen.model.family import FittedMember, Member, Term
 from esea_gen.model.family_step import ROOM
 from esea_gen.model.rubber import POWERS
 from esea_gen.model.temperature import TemperatureFactor
@@ -60,7 +60,6 @@ TEMPERATURE_KEYS = tuple(FamilyTemperature.model_fields)
 def family_section(
     fitted: FittedMember,
     source: str,
-    start: Start = "virgin",
     sigma: Mapping[int, float | None] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Family:
@@ -72,7 +71,7 @@ def family_section(
     return Family(
         member=fitted.member.name,
         title=fitted.member.title,
-        start=start,
+        start="virgin",
         scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
         temperature=warmth,
         terms=tuple(
@@ -130,7 +129,6 @@ def family_device(
     template: DeviceData,
     fitted: FittedMember,
     source: str,
-    start: Start = "virgin",
     sigma: Mapping[int, float | None] | None = None,
     warmth: FamilyTemperature | None = None,
 ) -> Device:
@@ -144,7 +142,7 @@ def family_device(
         limit = Quantity(value=most, status="assumed", source=text)
     update = {
         "elastomer": None,
-        "family": family_section(fitted, source, start, sigma, warmth),
+        "family": family_section(fitted, source, sigma, warmth),
         "limits": file.limits.model_copy(update={"tau_Nm": limit}),
     }
     return parse_device(render_toml(file.model_copy(update=update)), f"{file.name}.toml")
