@@ -127,9 +127,8 @@ def verify(
             for k, stream in enumerate(tried[block.name]):
                 say(f"{block.name}, {real}: {stream.name}")
                 if (block.name, k) not in known:
-                    known[block.name, k] = (run_executor if program else run_symbolic)(
-                        block, stream
-                    )
+                    run = run_executor if program else run_symbolic
+                    known[block.name, k] = run(block, stream)
                 expected = known[block.name, k]
                 own.append(
                     compare_program(device, block, library, stream, expected)
