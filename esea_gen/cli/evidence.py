@@ -10,18 +10,7 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import (
-    ControllerOption,
-    DeviceArgument,
-    FigureOption,
-    JobsOption,
-    JournalOption,
-    JsonOption,
-    SeedOption,
-    chosen_formats,
-    option,
-    recorded_streams,
-)
+from esea_gen.cli.options import chosen_formats, option, recorded_streams
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain, write_json
@@ -300,19 +289,18 @@ def fixed(
     json_file: options.JsonOption = None,
 ) -> None:
     """Fixed point: bits, proven and measured errors, torque against f64, emulated cores."""
-    from esea_gen.verify.fixed_report import check_fixed, read_recorded
+    from esea_gen.verify.fixed_report import check_fixed
 
-    data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device, controller)
+    deflections = recorded_streams(loaded, recording, data)
     with progress_line() as say:
-        deflections = read_recorded(loaded, recording, data)
         result = check_fixed(loaded, minutes, deflections, cores, prove, search, say)
     show(result, json_file, "fixed", passed=result.passed)
 
 
 @app.command()
 def faults(
-    device: DeviceArgument,
+    device: options.DeviceArgument,
     runs: Annotated[
         int | None,
         option("--runs", "Number of faults (2000); with --table seeds a cell and law (20).", min=1),
@@ -325,15 +313,15 @@ def faults(
             "('encoders'), or both categories of stop ('stops').",
         ),
     ] = "",
-    controller: ControllerOption = None,
-    seed: SeedOption = 0,
-    jobs: JobsOption = -1,
-    resume: JournalOption = None,
+    controller: options.ControllerOption = None,
+    seed: options.SeedOption = 0,
+    jobs: options.JobsOption = -1,
+    resume: options.JournalOption = None,
     emulator: Annotated[
         int, option("--emulator N", "So many of them on an emulated Cortex-M7 too.", min=0)
     ] = 0,
-    json_file: JsonOption = None,
-    figure: FigureOption = None,
+    json_file: options.JsonOption = None,
+    figure: options.FigureOption = None,
 ) -> None:
     """Break inputs, memory, clock and link of a drive's board; exit 1 where a bound is broken.
 

@@ -10,7 +10,7 @@ from esea_gen.identify.family.compare import ModelComparison, compare
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.identification import identify
 from esea_gen.identify.identified import Identified
-from esea_gen.identify.published.fit import Progress
+from esea_gen.identify.published.fit import Progress, part_of
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.mapping import load_mapping
 
@@ -29,22 +29,18 @@ def identify_chosen(
 ) -> tuple[Identified, ModelComparison | None]:
     """Identify the chosen model, comparing first unless that was done; or the one of that name."""
     tell: Progress = progress or (lambda share, text: None)
-
-    def part(low: float, high: float) -> Progress:
-        return lambda share, text: tell(low + (high - low) * share, text)
-
     notes: tuple[str, ...] = ()
     begun, zone = 0.0, load_mapping(mapping, data).mapping.deflection.dead_zone_rad
     if model == CHOSEN and zone is not None:
         model, compared, notes = THESIS, None, (ZONED,)
     elif model == CHOSEN:
         if compared is None:
-            begun, first = COMPARING, part(0.0, COMPARING)
+            begun, first = COMPARING, part_of(tell, 0.0, COMPARING)
             compared = compare(mapping, data, None, first, peers=False, how=how)
         model, notes = compared.chosen, compared.choice.reasons
     result: Identified
     if model == THESIS:
-        result = identify(mapping, data, part(begun, 1.0), how)
+        result = identify(mapping, data, part_of(tell, begun, 1.0), how)
     else:
-        result = identify_member(mapping, model, data, part(begun, 1.0))
+        result = identify_member(mapping, model, data, part_of(tell, begun, 1.0))
     return replace(result, notes=(*notes, *result.notes)), compared

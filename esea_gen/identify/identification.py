@@ -10,7 +10,7 @@ from typing import Any
 from esea_gen.identify.drafting import draft, fit_split, published_channels, sourced_device
 from esea_gen.identify.identified import Identified, excused_of, gate_notes, gated
 from esea_gen.identify.notes import band_notes, notes_of
-from esea_gen.identify.published.fit import Fit, Progress
+from esea_gen.identify.published.fit import Fit, Progress, part_of
 from esea_gen.identify.published.plant import Uncertainty, uncertainty
 from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.published.space import at_bound, bounds_of
@@ -128,8 +128,8 @@ def identify(
         fit, plant, device, verdict = fit_split(source, recordings, bare, tell, how)
     else:
         # The model without rate terms on the same data: does the Maxwell element earn its place?
-        plain = fit_split(source, recordings, bare, _part(tell, 0.0, 0.1), how)
-        full = fit_split(source, recordings, template, _part(tell, 0.1, 0.95), how)
+        plain = fit_split(source, recordings, bare, part_of(tell, 0.0, 0.1), how)
+        full = fit_split(source, recordings, template, part_of(tell, 0.1, 0.95), how)
         helps = full[3].misfits.mean_rms(True) < plain[3].misfits.mean_rms(True)
         fit, plant, device, verdict = full if helps or full[0].rate_dropped else plain
         if helps or full[0].rate_dropped:
@@ -161,7 +161,3 @@ def identify(
         worth=worth_of(device, recordings, verdict, band, plant.judged),
         channels=channels,
     )
-
-
-def _part(tell: Progress, low: float, high: float) -> Progress:
-    return lambda share, text: tell(low + (high - low) * share, text)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -237,10 +236,3 @@ def check_fixed(
             say(f"{block.name}, value analysis")
             report.proofs.append(prove_block(device, block))
     return report
-
-
-def read_recorded(device: Device, mapping: Path | None, data: Path | None) -> dict[str, Array]:
-    """Deflections of a recording as the device would see them."""
-    from esea_gen.identify import recorded_deflections
-
-    return {} if mapping is None else dict(recorded_deflections(device, mapping, data))

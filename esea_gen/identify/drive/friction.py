@@ -85,12 +85,11 @@ class Friction:
             f"{self.runs} runs, {self.used} samples; {self.outside} far from their run's median "
             "left out"
         ]
-        for name, text in TEXTS.items():
-            e = getattr(self, name)
-            unit = UNITS[name].replace("_", "/")
+        for name, (unit, text) in ESTIMATES.items():
+            e, shown = getattr(self, name), unit.replace("_", "/")
             value = "none seen: its 95 % interval holds 0"
             if e is not None:
-                value = f"{e.value:.4g} {unit} (95 %: {e.low:.4g} to {e.high:.4g})"
+                value = f"{e.value:.4g} {shown} (95 %: {e.low:.4g} to {e.high:.4g})"
             lines.append(f"{text}: {value}")
         share = self.left_Nm / self.moved_Nm
         lines.append(
@@ -99,29 +98,20 @@ class Friction:
         return lines
 
     def to_dict(self) -> dict[str, Any]:
-        own = {n: getattr(self, n) for n in UNITS}
-        found = {n: None if e is None else e.to_dict(UNITS[n]) for n, e in own.items()}
+        own = {n: (getattr(self, n), unit) for n, (unit, _) in ESTIMATES.items()}
+        found = {n: None if e is None else e.to_dict(unit) for n, (e, unit) in own.items()}
         rest = ("left_Nm", "moved_Nm", "runs", "used", "outside")
         return {"friction": found} | {n: getattr(self, n) for n in rest}
 
 
-UNITS = {
-    "load_Nm": "Nm",
-    "fc_Nm": "Nm",
-    "fs_Nm": "Nm",
-    "vs_rad_s": "rad_s",
-    "fv_Nms_rad": "Nms_rad",
+ESTIMATES = {
+    "load_Nm": ("Nm", "load, one way"),
+    "fc_Nm": ("Nm", "Coulomb friction"),
+    "fs_Nm": ("Nm", "Stribeck's rise towards rest"),
+    "vs_rad_s": ("rad_s", "speed over which it fades"),
+    "fv_Nms_rad": ("Nms_rad", "viscous friction"),
 }
-"""Unit of each estimate, by name."""
-
-
-TEXTS = {
-    "load_Nm": "load, one way",
-    "fc_Nm": "Coulomb friction",
-    "fs_Nm": "Stribeck's rise towards rest",
-    "vs_rad_s": "speed over which it fades",
-    "fv_Nms_rad": "viscous friction",
-}
+"""Unit and words of each estimate, by name."""
 
 
 def read_run(path: Path, full_Nm: float | None) -> SteadyRun:

@@ -150,6 +150,13 @@ def search_named(name: str) -> Search:
 
 
 Progress = Callable[[float, str], None]
+
+
+def part_of(tell: Progress, low: float, high: float) -> Progress:
+    """Progress of a part, told as that of the whole."""
+    return lambda share, text: tell(low + (high - low) * share, text)
+
+
 FINE_STEPS = 4
 SOLVE_STEPS = 30
 AT_EDGE = 1e-4
