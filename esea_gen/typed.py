@@ -11,6 +11,8 @@ from esea_gen.errors import UserError
 # Nothing here asks the locale: "2.5" and "2,5" are the same number on every desktop.
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+[.,]?\d*|[.,]\d+)([eE][+\-]?\d{1,3})?", re.ASCII)
 _GROUPED = re.compile(r"[+\-\u2212]?\d+([\s.,'\u2019_\u066c]+\d+)+")
+_PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+_WHOLE = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 _LONGEST = 40
 
 
@@ -37,3 +39,14 @@ def read_number(text: str, low: float = -math.inf, high: float = math.inf, unit:
     if not low <= value <= high or math.isinf(value):
         raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")
     return value + 0.0  # -0 is 0
+
+
+def refuse_unplain_number(name: str, text: str, whole: bool) -> None:
+    """Reject a word of the command line that is not a finite decimal number."""
+    if not (_WHOLE if whole else _PLAIN).fullmatch(text) or math.isinf(float(text)):
+        kind, example = ("a whole", "10") if whole else ("a finite", "2.5 or 1e-3")
+        shown = text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+        raise UserError(
+            f"{name} {shown}: not {kind} number.",
+            f"Write it with digits 0 to 9, no grouping and no decimal comma, such as {example}.",
+        )

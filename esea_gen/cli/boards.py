@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -124,7 +123,7 @@ def emulate(
             "chirp in the domain": domain_chirp(loaded)
         }
     lasting_s = 3.0 if seconds is None else seconds
-    if not (math.isfinite(lasting_s) and lasting_s >= loaded.period_s):
+    if lasting_s < loaded.period_s:
         raise UserError(
             f"--seconds {lasting_s:g} is less than a period.",
             "Give a number of seconds, such as 3.",

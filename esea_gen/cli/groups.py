@@ -7,15 +7,17 @@ takes seconds.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, MutableMapping
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args, get_type_hints
 
 import typer
 from typer.core import TyperGroup
+
+from esea_gen.typed import refuse_unplain_number
 
 
 class WholeSentences(TyperGroup):
@@ -98,7 +100,28 @@ def _command(package: str, name: str, homes: str) -> Any:
             alone.registered_commands.append(c)
     alone.registered_groups += [g for g in app.registered_groups if g.name == name]
     group: Any = typer.main.get_command(alone)
-    return group.commands[name]
+    return _with_checked_numbers(group.commands[name])
+
+
+# typer takes 1_0 for ten, full-width digits and inf.
+def _with_checked_numbers(command: Any) -> Any:
+    hints = get_type_hints(command.callback) if command.callback else {}
+    for param in command.params:
+        hint = hints.get(param.name)
+        kinds = {hint, *get_args(hint), *(x for a in get_args(hint) for x in get_args(a))}
+        if kinds & {int, float}:
+            param.process_value = partial(_checked, param, int in kinds, param.process_value)
+    for below in getattr(command, "commands", {}).values():
+        _with_checked_numbers(below)
+    return command
+
+
+def _checked(param: Any, whole: bool, then: Callable[..., Any], ctx: Any, value: Any) -> Any:
+    name = param.opts[0] if param.param_type_name == "option" else param.name.upper()
+    for text in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(text, str) and not ctx.resilient_parsing:
+            refuse_unplain_number(name, text, whole)
+    return then(ctx, value)
 
 
 def _written_helps(text: str) -> dict[str, str]:

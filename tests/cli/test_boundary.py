@@ -6,6 +6,7 @@ import csv
 import errno
 import json
 import os
+import re
 import resource
 import signal
 import struct
@@ -14,6 +15,7 @@ import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 import serial
@@ -162,6 +164,33 @@ def leaves(program: str):
             yield words, command
 
     return below(root, [])
+
+
+def numbers(command):
+    """Parameters that take numbers, each with whether only whole ones."""
+    hints = get_type_hints(command.callback)
+    for p in command.params:
+        kind = re.search(r"\b(int|float)\b", str(hints.get(p.name)))
+        if kind:
+            yield p, kind[1] == "int"
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_number_of_every_command_is_plain(command, program):
+    checked = set()
+    for words, one in leaves(program):
+        before = ["x"] * (sum(p.param_type_name == "argument" for p in one.params) - 1)
+        for p, whole in numbers(one):
+            option = p.param_type_name == "option"
+            name = p.opts[0] if option else p.name.upper()
+            bad = ["1_0", "１", "nan", "inf", "1e999", "2,5", "", *["2.5"] * whole]
+            bad += ["-1"] * (p.name == "seed")
+            for text in bad:
+                given = [f"{name}={text}"] if option else [*before, text]
+                code, said = command(program, *words, *given)
+                assert (code, name in said) == (2, True), (words, given, said)
+            checked.add(name)
+    assert {"--seed", "--jobs"} <= checked
 
 
 # What is no file among what a command needs.

@@ -260,7 +260,6 @@ def test_the_command(tmp_path, monkeypatch):
     [
         (["--runs", "1"], "1 runs: a spread needs 2"),
         (["--residual-deg", "6"], "A nonlinearity of 6 deg is not from 0 to 5 deg"),
-        (["--residual-deg", "nan"], "A nonlinearity of nan deg"),
         (["--figure", "u.xyz"], "not a picture's name"),
         (["--data", "."], "--data without --recording"),
     ],

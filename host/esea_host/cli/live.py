@@ -378,7 +378,7 @@ def sim(
         str | None,
         option("--motion", "Of a passive joint: person (default), therapist or a table (.csv)."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
     speed: Annotated[float, option("--speed", "1: real time; 0: as it is read.")] = 1.0,
     board: Annotated[str, option("--board", "sim (f32) or sim-q31.")] = "sim",
     spring: Annotated[
@@ -411,7 +411,7 @@ def sim_moteus(
         str, option("--person", "Who is in the joint; nobody, or none: its output is clamped.")
     ] = "nobody",
     plant: Annotated[str, option("--plant", "ideal, real or random.")] = "real",
-    seed: Annotated[int, typer.Option("--seed")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
     rotor_side: Annotated[
         bool, option("--rotor-side", "No encoder on the coupling's motor side.")
     ] = False,

@@ -59,7 +59,9 @@ DeviceOption = Annotated[
     ),
 ]
 HeadlessOption = Annotated[bool, option("--headless", "Without windows.")]
-SeedOption = Annotated[int | None, option("--seed", "Of the simulated participant; default: 1.")]
+SeedOption = Annotated[
+    int | None, option("--seed", "Of the simulated participant; default: 1.", min=0)
+]
 SpeedOption = Annotated[
     float, option("--speed", "In windows: simulated time against the clock's.", min=0.1)
 ]

@@ -121,7 +121,7 @@ def demo(
     person: Annotated[
         str | None, option("--person", "Who is in the joint; default: uncertain.")
     ] = None,
-    seed: Annotated[int, typer.Option("--seed")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
 ) -> None:
     """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
     device = driven_by(controller, device)
