@@ -1,6 +1,7 @@
 """Temperature of the motor's winding and case, by its copper loss; what torque they leave.
 
-A drive that measures it may only raise the winding's temperature: its sensor lags or is away.
+A drive that measures it may only raise the winding's temperature, and no faster than copper warms:
+its sensor lags, or is missing.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 STEP_S = 0.1  # in steps of a control period float32 would lose what the case gains
-MEASURED_C = 1000.0  # a sensor's wire that is cut or shorted may read anything
+MEASURED_C = 300.0  # enamel has failed by then: beyond it the sensor's wire is cut or shorted
+RISE_K_S = 100.0  # copper warms so fast at 120 A/mm2, adiabatically: faster is a wrong reading
 BEYOND_K = 20.0  # above the largest temperature: as far as it is followed
 
 EQUATIONS = """
@@ -47,6 +49,7 @@ class _MotorTemperature:
 
     def __init__(self, device: DeviceData) -> None:
         own, self.h = section_of(device, "motor_thermal"), drive_of(device).control_period_s
+        self.rise_K = RISE_K_S * self.h
         self.u_max = LimitNumbers(device).u_max
         self.ambient, self.max = own.ambient_C.value, threshold(own.max_C.value)
         self.derate = threshold(own.derate_C.value)
@@ -117,7 +120,8 @@ class _MotorTemperature:
         warmed = self.of_case * case + self.gain_K_W * loss + (1 - self.of_case) * winding
         shared = self.of_winding * winding + self.of_ambient * self.ambient
         shared = shared + (1 - self.of_winding - self.of_ambient) * case
-        winding = ca.fmax(ca.if_else(ends, warmed, winding), u.motor_C)
+        measured = ca.fmin(u.motor_C, winding + self.rise_K)
+        winding = ca.fmax(ca.if_else(ends, warmed, winding), measured)
         winding = ca.fmin(winding, self.max + BEYOND_K)
         winding = label("winding", winding, "[hot 2]")
         case = label("case", ca.if_else(ends, shared, case), "[hot 3]")

@@ -127,25 +127,46 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
 
 
 @pytest.mark.parametrize("real", ["f64", "f32", "q31"])
-@pytest.mark.parametrize(("winding", "fault"), [(124.5, Fault.NONE), (126.0, Fault.MOTOR_HOT)])
-def test_a_hot_winding_takes_the_torque_and_then_latches(real, winding, fault):
-    """The drive measures it."""
+@pytest.mark.parametrize(
+    ("measured", "winding", "fault"),
+    [
+        (124.5, 124.5, Fault.NONE),
+        (126.0, 126.0, Fault.MOTOR_HOT),
+        *((x, 120.0, Fault.NONE) for x in (np.nan, np.inf, 999.0, -999.0)),
+    ],
+)
+def test_a_hot_winding_takes_the_torque_and_then_latches(real, measured, winding, fault):
+    """The drive measures it; what no sensor of a winding reads changes nothing."""
     given = record_drive(warm(start_C=40.0), 400).inputs
-    board, rows = library(real, start_C=40.0).board(), []
-    for tick in range(220):
+    board, rows = library(real, start_C=120.0).board(), []
+    for tick in range(280):
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
         rows.append((abs(float(y["u_Nm"])), int(y["fault"])))
         if tick % 5 == 0:
-            measured = {"motor_C": winding if tick > 200 else 0.0}
-            board.step(
-                "control", **{n: v[tick // 5] for n, v in given["control"].items()} | measured
-            )
+            heard = {"motor_C": measured if tick > 175 else 0.0}
+            board.step("control", **{n: v[tick // 5] for n, v in given["control"].items()} | heard)
     u, faults = np.array(rows).T
     share = 0.0 if fault else 0.05 + 0.95 * (MAX - winding) / (MAX - DERATE)
-    assert u[200] > 1.2 * share * U_MAX
-    assert np.max(u[207:]) <= 1.02 * share * U_MAX
-    assert np.all(faults[207:] == fault)
+    most, later = np.max(u[150:176]), np.max(u[230:])
+    assert winding == 120 or most > 1.2 * share * U_MAX
+    assert later <= 1.02 * share * U_MAX
+    assert later >= 0.9 * share * U_MAX
+    assert np.all(faults[230:] == fault)
+
+
+@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+def test_one_wild_reading_warms_by_half_a_kelvin_and_a_real_rise_is_followed(real):
+    """100 K/s at most, so 0.5 K in a control period of 5 ms."""
+    u, start = np.zeros(400), (45.0, 45.0)
+    alone = warmed(real, u, start)["winding_C"]
+    for wild in (140.0, 299.0, 999.0, np.nan):
+        spoilt = warmed(real, u, start, np.where(np.arange(400) == 100, wild, 44.0))["winding_C"]
+        assert np.max(spoilt - alone) < 0.501
+        assert spoilt[100] - alone[100] == pytest.approx(0.5 * (0 < wild < 300), abs=1e-3)
+    rise = 45 + 90 * H * np.arange(400)
+    followed = warmed(real, u, start, np.minimum(rise, 140.0))["winding_C"]
+    assert followed == pytest.approx(np.minimum(rise, 140.0), abs=0.5)
 
 
 @pytest.mark.ci
