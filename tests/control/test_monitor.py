@@ -101,6 +101,25 @@ def test_a_stuck_bit_is_found_within_the_motion_that_is_stated(drive, bit, value
     assert set(found) <= {NONE, ROUGH, STUCK}
 
 
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("value", [0, 1])
+@pytest.mark.parametrize("bit", [14, 15])
+def test_a_stuck_bit_of_the_motors_encoder_is_found_within_four_times_its_weight(
+    drive, bit, value, way
+):
+    """Bit 15 is 21 mrad at the joint; slow, so that no roughness shows it."""
+
+    def change(count):
+        return count - count // 2**bit % 2 * 2**bit + value * 2**bit
+
+    ticks = np.arange(2000)
+    path = 0.7 + 74 * way * 0.05e-3 * ticks
+    assert not doubted(drive, path, side="gear").any()
+    found = doubted(drive, path, change=change, side="gear")
+    first = np.flatnonzero(found == STUCK)[0]
+    assert abs(path[first] - path[0]) * 2**17 / (2 * math.pi) <= 4 * 2**bit
+
+
 @pytest.mark.parametrize("side", ["motor", "load"])
 @pytest.mark.parametrize(("noise_rad", "ticks"), [(0.0042, 100), (0.008, 30)])
 def test_noise_is_found_soon(drive, noise_rad, ticks, side):

@@ -51,7 +51,7 @@ SWINGING = """
 
 
 def encoder_monitor(device: DeviceData, side: Watched) -> Block:
-    """Roughness of an encoder's count, and stuck bits of a joint encoder's."""
+    """Roughness and stuck bits of an encoder's count."""
     return Block.of(_EncoderMonitor(device, side))
 
 
@@ -79,32 +79,33 @@ class _EncoderMonitor:
         sigma = own.noise_rad.value * self.full / (2 * math.pi)
         self.largest = math.sqrt(4 + 6 * (LOUDER * sigma) ** 2 + bend**2)
         self.share = 1 - math.exp(-self.h / own.window_s.value)
-        # A bit that weighs more makes a step that the encoder's front end does not believe; the
-        # bits of the motor's encoder are compared.
-        self.low = range(0 if side == "gear" else min(reach.bit_length(), self.bits))
+        # Of a joint's encoder: a bit that weighs more makes a step that the front end does not
+        # believe.  Of the motor's: one that weighs less is rough, and the highest one's step, half
+        # a turn, contradicts the other encoders.
+        top = min(reach.bit_length(), self.bits)
+        self.watched = range(top)
+        if side == "gear":
+            self.watched, self.reach = range(top - 1, self.bits - 1), self.full // 2
         least = max(LEAST_COUNTS, math.ceil(NOISES * sigma))
-        self.room = [float(max((2 << i) + 2, least)) for i in self.low]
+        self.room = [float(max((2 << i) + 2, least)) for i in self.watched]
         self.name = f"encoder_monitor_{side}"
         self.title = f"Roughness and stuck bits of the {side}-side encoder"
         if side == "gear":
-            self.title = "Roughness of the motor's own encoder"
+            self.title = "Roughness and stuck bits of the motor's own encoder"
         self.equations = equations(EQUATIONS)
         self.streams = OwnStreams(_events)
-        bits = Constant("low_bits", len(self.low), "steps of these are believed", "derived")
+        bits = Constant("watched_bits", len(self.watched), "a step of these may pass", "derived")
         self.constants = (*device.constants("monitor")[:2], bits)
-        n, most = len(self.low), max(self.room, default=0.0)
-        self.state: tuple[Port, ...] = (
+        n, most = len(self.watched), max(self.room)
+        self.state = (
             Port("followed", 0.0, 1.0, "1 when the last frame was good"),
             Port("count_last", 0, self.full - 1, "last good count"),
-            around("step", reach, "last step, in counts", equation="[mon 1]"),
+            around("step", self.reach, "last step, in counts", equation="[mon 1]"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
+            around("mean", self.reach, "mean step"),
+            Port("ones", 0.0, 1.0, "watched bits of the last count, lowest first", n),
+            Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
         )
-        if self.low:
-            self.state += (
-                around("mean", reach, "mean step"),
-                Port("ones", 0.0, 1.0, "low bits of the last count, lowest first", n),
-                Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
-            )
         self.inputs = (
             Port("count", 0, self.full - 1, "raw count", on_invalid="count_last"),
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
@@ -115,7 +116,7 @@ class _EncoderMonitor:
                 "what is doubted of this encoder",
                 "count or frame word was NaN or outside its range: nothing is judged by it",
                 "the state was corrupt; watched afresh",
-                *([Flag("BIT_STUCK", "a bit of the count stays while the joint moves")] * bool(n)),
+                Flag("BIT_STUCK", "a bit of the count stays while the joint moves"),
                 Flag("ROUGH", "the angle is rougher than a sound encoder's noise makes it"),
             ),
         )
@@ -136,26 +137,23 @@ class _EncoderMonitor:
         roughness = s.roughness + self.share * (bent * bent - s.roughness)
         rough = label("rough", label("roughness", roughness, "[mon 2]") > 1.0)
         next_state = {"followed": good, "count_last": count, "step": now, "roughness": roughness}
-        if not self.low:
-            doubt = ca.if_else(rough, float(ROUGH), float(SOUND))
-            return next_state, {"doubt": doubt, "status": guard.status(rough)}
         mean = label("mean_step", s.mean + (now - s.mean) * (1 / MEAN_TICKS))
         ones, rest = [ca.SX(0)] * self.bits, count
         for i in reversed(range(self.bits)):
             ones[i] = rest > (1 << i) - 0.5
             rest = rest - ca.if_else(ones[i], float(1 << i), 0.0)
-        moved = []
-        for i, room in zip(self.low, self.room, strict=True):
+        ones, moved = ones[self.watched.start : self.watched.stop], []
+        for k, (i, room) in enumerate(zip(self.watched, self.room, strict=True)):
             # A leap counts as a stuck bit's, weight and one: one wild frame does not fill the room.
             leap = float(1 << i) + 1
             slow = ca.logic_and(goes_on, ca.fabs(mean) <= 0.5 * (1 << i))
-            on = ca.if_else(slow, clip(s.moved[i] + clip(now, -leap, leap), -room, room), 0.0)
-            held = ca.fabs(s.moved[i]) > room - 0.5  # stuck stays so until the bit changes
-            same = ca.fabs(ones[i] - s.ones[i]) < 0.5
-            moved.append(ca.if_else(same, ca.if_else(held, s.moved[i], on), 0.0))
+            on = ca.if_else(slow, clip(s.moved[k] + clip(now, -leap, leap), -room, room), 0.0)
+            held = ca.fabs(s.moved[k]) > room - 0.5  # stuck stays so until the bit changes
+            same = ca.fabs(ones[k] - s.ones[k]) < 0.5
+            moved.append(ca.if_else(same, ca.if_else(held, s.moved[k], on), 0.0))
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
-        next_state |= {"mean": mean, "ones": ones[: len(moved)], "moved": moved}
+        next_state |= {"mean": mean, "ones": ones, "moved": moved}
         doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
 
@@ -230,8 +228,9 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     steps, t = 600, np.arange(600)
     full = block.inputs[0].high + 1
     sound = np.floor(full * (0.4 + 0.03 * np.sin(t / 80)))
-    low = next((p.size for p in block.state if p.name == "ones"), 0)  # none watched: noise alone
-    stuck = [sound - sound // 2**bit % 2 * 2**bit for bit in range(low)]
+    watched = next(p.size for p in block.state if p.name == "ones")
+    top = round(math.log2(full)) - 1 if block.name.endswith("gear") else watched
+    stuck = [sound - sound // 2**bit % 2 * 2**bit for bit in range(top - watched, top)]
     noisy = np.floor(sound + 2e-3 * full * rng.standard_normal(steps)) % full
     count = np.concatenate([sound, *stuck, sound, noisy, sound, sound])
     error = np.zeros(len(count))
