@@ -191,6 +191,8 @@ def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
         ("one:load@4=3", Fault.STUCK_BIT, 50),
         ("zero:load@4=4", Fault.STUCK_BIT, 50),
         ("zero:motor@4=2", Fault.STUCK_BIT, 50),
+        ("zero:gear@4=7", Fault.ROUGH, 330),
+        ("one:gear@4=15", Fault.STUCK_BIT, 700),
         ("noise:load@4=0.008", Fault.ROUGH, 30),
         ("noise:motor@4=0.004", Fault.ROUGH, 100),
     ],
