@@ -165,7 +165,6 @@ def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
     ("arguments", "words"),
     [
         (["elbow_drive", "--seconds", "0"], "--seconds 0"),
-        (["elbow_drive", "--seconds", "nan"], "--seconds nan"),
         (["elbow_drive", "--seconds", "1000"], "Give 1 to 36667 ms"),
         (["elbow_drive", "--recording", "x.toml"], "recorded deflection"),
         (["elbow_drive", "--board", "arduino"], "netduinoplus2"),

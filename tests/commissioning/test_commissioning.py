@@ -257,7 +257,6 @@ def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
         (["--mass", "1"], "belong together"),
         (["--second-mass", "1"], "belong together"),
         (["--step", "adaptation", "--mass", "1", "--arm", "0.3"], "Give --second-mass KG"),
-        (["--hangs", "nan"], "--hangs = nan deg"),
     ],
 )
 def test_wrong_words_end_before_anything_is_connected(words, said, capsys, monkeypatch):

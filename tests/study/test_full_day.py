@@ -98,7 +98,7 @@ class Day:
         timer = QTimer()
         timer.timeout.connect(lambda: self.turn(made[0]) if made else None)
         timer.start(2)
-        told = done("study", *words, "--close", "--speed", "inf", code=code)
+        told = done("study", *words, "--close", "--speed", "1e9", code=code)
         timer.stop()
         if self.failed is not None:
             raise self.failed
@@ -191,7 +191,7 @@ def day(qtbot, monkeypatch, tmp_path) -> Day:
 
 def first_session(day: Day, study: Path, crash, acts, *more: object) -> None:
     """Crash, resume, note, adverse event, repeat, stop; then to the end."""
-    run = "run", study, "P01", "--close", "--speed", "inf", *more
+    run = "run", study, "P01", "--close", "--speed", "1e9", *more
     killed(DYING, *crash, "study", *run)
     cut = read_session(study / "P01" / "session-1" / "events.jsonl")
     assert cut.running == crash[0]
