@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.options import JobsOption, writable
+from esea_gen.cli.options import JobsOption, option, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
@@ -35,29 +35,28 @@ app.add_typer(assess, name="assess")
 
 DataOption = Annotated[
     Path | None,
-    typer.Option("--database", metavar="FILE", help="Data base; default: the simulated knee's."),
+    option("--database FILE", "Data base; default: the simulated knee's."),
 ]
 BoardOption = Annotated[
     str | None,
-    typer.Option(
-        "--device",
-        metavar="ADDRESS",
-        help="Measure with a board: sim:knee, tcp:host:port, serial:/dev/..., pty:...",
+    option(
+        "--device ADDRESS",
+        "Measure with a board: sim:knee, tcp:host:port, serial:/dev/..., pty:...",
     ),
 ]
 ZeroOption = Annotated[
     bool,
-    typer.Option("--zero", help="Zero the board first: straight leg at rest, hands off."),
+    option("--zero", "Zero the board first: straight leg at rest, hands off."),
 ]
 PatientOption = Annotated[
     str | None,
-    typer.Option("--patient", help="simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
+    option("--patient", "simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of the simulated patient.")]
-HeightOption = Annotated[float, typer.Option("--height-m", help="Body height, 1.0 to 2.3.")]
-LowOption = Annotated[float, typer.Option("--from-deg", help="Reach: least bending.")]
-HighOption = Annotated[float, typer.Option("--to-deg", help="Reach: most bending.")]
-MassOption = Annotated[float, typer.Option("--mass-kg", help="Body mass, 15 to 250.")]
+SeedOption = Annotated[int, option("--seed", "Of the simulated patient.", min=0)]
+HeightOption = Annotated[float, option("--height-m", "Body height, 1.0 to 2.3.")]
+LowOption = Annotated[float, option("--from-deg", "Reach: least bending.")]
+HighOption = Annotated[float, option("--to-deg", "Reach: most bending.")]
+MassOption = Annotated[float, option("--mass-kg", "Body mass, 15 to 250.")]
 
 
 def _lines(lines: Iterable[str]) -> None:
@@ -72,7 +71,7 @@ def _data(path: Path | None) -> Any:
 
 
 HeadlessOption = Annotated[
-    bool, typer.Option("--headless", help="With a board: keep what passes, repeat what misses.")
+    bool, option("--headless", "With a board: keep what passes, repeat what misses.")
 ]
 
 
@@ -82,14 +81,13 @@ def build(
         Path, typer.Argument(callback=writable, help="Where the data base goes (.npz).")
     ],
     patients: Annotated[
-        int, typer.Option("--patients", min=8, help="Simulated patients of each category.")
+        int, option("--patients", "Simulated patients of each category.", min=8)
     ] = 60,
     recordings: Annotated[
         Path | None,
-        typer.Option(
-            "--recordings",
-            metavar="FOLDER",
-            help="Build from recordings instead: a folder for each category, tables or MCAP in it.",
+        option(
+            "--recordings FOLDER",
+            "Build from recordings instead: a folder for each category, tables or MCAP in it.",
         ),
     ] = None,
 ) -> None:
@@ -116,8 +114,8 @@ def build(
 
 @assess.command(epilog=NOTICE)
 def evaluate(
-    patients: Annotated[int, typer.Option("--patients", help="Patients of the categories.")] = 200,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Who is drawn.")] = 1,
+    patients: Annotated[int, option("--patients", "Patients of the categories.")] = 200,
+    seed: Annotated[int, option("--seed", "Who is drawn.", min=0)] = 1,
     jobs: JobsOption = -1,
     json_file: JsonOption = None,
     page: Annotated[Path | None, output_file("--page", "Write the page (.html).")] = None,
@@ -142,34 +140,28 @@ def evaluate(
 def run(
     recording: Annotated[
         list[Path] | None,
-        typer.Option("--recording", metavar="FILE", help="Read a movement; repeatable."),
+        option("--recording FILE", "Read a movement; repeatable."),
     ] = None,
     device: BoardOption = None,
     key: KeyOption = None,
     headless: HeadlessOption = False,
     zero: ZeroOption = False,
-    movements: Annotated[
-        int, typer.Option("--movements", min=1, help="Headless: at most so many.")
-    ] = 12,
+    movements: Annotated[int, option("--movements", "Headless: at most so many.", min=1)] = 12,
     patient: PatientOption = None,
     seed: SeedOption = 1,
-    window: Annotated[bool, typer.Option("--window", help="The clinician's window.")] = False,
+    window: Annotated[bool, option("--window", "The clinician's window.")] = False,
     dark: DarkOption = None,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
-    fastest: Annotated[
-        float, typer.Option("--fastest-deg-s", help="Fastest comfortable speed.")
-    ] = 120.0,
-    mixed: Annotated[bool, typer.Option("--mixed", help="Two disorders at once, too.")] = False,
+    fastest: Annotated[float, option("--fastest-deg-s", "Fastest comfortable speed.")] = 120.0,
+    mixed: Annotated[bool, option("--mixed", "Two disorders at once, too.")] = False,
     summary: Annotated[
-        Summary, typer.Option("--summary", help="Of the data base; kernel: Gaussian process.")
+        Summary, option("--summary", "Of the data base; kernel: Gaussian process.")
     ] = "people",
-    measure: Annotated[
-        Measure, typer.Option("--measure", help="By which movements are chosen.")
-    ] = "expected",
-    who: Annotated[str, typer.Option("--who", help="Printed on the page.")] = "",
+    measure: Annotated[Measure, option("--measure", "By which movements are chosen.")] = "expected",
+    who: Annotated[str, option("--who", "Printed on the page.")] = "",
     json_file: JsonOption = None,
     page: Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")] = None,
     database: DataOption = None,
@@ -344,7 +336,7 @@ def pendulum(
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
-        float, typer.Option("--seconds", min=4, max=600, help="Wait so long for a fall.")
+        float, option("--seconds", "Wait so long for a fall.", min=4, max=600)
     ] = 60.0,
     json_file: JsonOption = None,
 ) -> None:
@@ -387,7 +379,7 @@ def range_(
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
-        float, typer.Option("--seconds", min=10, max=600, help="From the first movement on.")
+        float, option("--seconds", "From the first movement on.", min=10, max=600)
     ] = 48.0,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
@@ -433,7 +425,7 @@ def range_(
 @assess.command(epilog=NOTICE)
 def validate(
     folder: Annotated[
-        Path | None, typer.Option("--elbow", help="Folder with the published elbow recordings.")
+        Path | None, option("--elbow", "Folder with the published elbow recordings.")
     ] = None,
     json_file: JsonOption = None,
 ) -> None:

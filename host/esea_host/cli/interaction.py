@@ -37,7 +37,7 @@ def interaction(
     json_file: JsonOption = None,
     report: ReportOption = None,
     blinded: Annotated[
-        bool, typer.Option("--blinded", help="A study's folder: elements by neutral names.")
+        bool, option("--blinded", "A study's folder: elements by neutral names.")
     ] = False,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
@@ -132,9 +132,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
 def survey_page(
     folder: FolderArgument,
     to: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
-    language: Annotated[
-        str, typer.Option("--language", help="en, de, or one that the study brings.")
-    ] = "",
+    language: Annotated[str, option("--language", "en, de, or one that the study brings.")] = "",
 ) -> None:
     """Write the questions at the end of the interaction study as a page to print."""
     from esea_host.interaction.survey import survey_form

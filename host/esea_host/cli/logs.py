@@ -115,7 +115,7 @@ def replay(
 def export(
     path: LogArgument,
     target: Annotated[Path, typer.Argument(help="File, or folder of the BIDS data set.")],
-    to: Annotated[str, typer.Option("--to", help=", ".join(FORMATS))] = "csv",
+    to: Annotated[str, option("--to", ", ".join(FORMATS))] = "csv",
     stream: OneStreamOption = None,
     subject: Annotated[str, option("--subject", "BIDS: label.")] = "01",
     task: Annotated[str, option("--task", "BIDS: label.")] = "torque",

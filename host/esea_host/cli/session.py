@@ -7,9 +7,8 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import date
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -40,13 +39,8 @@ if TYPE_CHECKING:
     from esea_host.wrist.virtual import VirtualPerson
 
 INTERACTION = "interaction."
+PatchMode = Literal["off", "frame", "onset"]
 SIMULATED, VIRTUAL, POINTER = "simulated", "virtual", "pointer"
-
-
-class PatchMode(StrEnum):
-    off = "off"
-    frame = "frame"
-    onset = "onset"
 
 
 DeviceOption = Annotated[
@@ -122,7 +116,7 @@ def run(
     ] = "",
     patch: Annotated[
         PatchMode, option("--patch", "Square for a photodiode: with every frame, or at an onset.")
-    ] = PatchMode.off,
+    ] = "off",
     dark: DarkOption = None,
     close: Annotated[bool, option("--close", "Close the windows at the end.")] = False,
     hold: Annotated[
@@ -296,7 +290,7 @@ def _in_windows(
     def point(place: tuple[float, float]) -> None:
         pointed[0] = place
 
-    run_windows(conductor, board, asked.language, asked.dark, asked.patch.value, asked.close, point)
+    run_windows(conductor, board, asked.language, asked.dark, asked.patch, asked.close, point)
     if conductor.error is not None:
         raise conductor.error
     if conductor.display is not None and (seen := conductor.display.take(True))["intervals"]:

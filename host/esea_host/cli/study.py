@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from contextlib import closing
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from esea_gen.cli.groups import WholeSentences
+from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_host.cli.app import app, out
@@ -30,35 +30,26 @@ study_app = typer.Typer(
 app.add_typer(study_app, name="study")
 
 
-class EventKind(StrEnum):
-    deviation = "deviation"
-    adverse = "adverse"
-
-
-TaskOption = Annotated[
-    list[Path] | None, typer.Option("--task", metavar="FILE.py", help="File with a task of yours.")
-]
+TaskOption = Annotated[list[Path] | None, option("--task FILE.py", "File with a task of yours.")]
 TrustOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--trust",
-        metavar="HASH",
-        help="Run the task file with this SHA-256, now and later; a command without it shows it.",
+    option(
+        "--trust HASH",
+        "Run the task file with this SHA-256, now and later; a command without it shows it.",
     ),
 ]
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
 CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
-SessionOption = Annotated[int, typer.Option("--session", min=1, help="Which session.")]
+SessionOption = Annotated[int, option("--session", "Which session.", min=1)]
 OperatorOption = Annotated[
     str,
-    typer.Option(
-        "--operator",
-        metavar="NAME",
+    option(
+        "--operator NAME",
+        "Who does it, for the record; a real study asks for it.",
         envvar="ESEA_OPERATOR",
-        help="Who does it, for the record; a real study asks for it.",
     ),
 ]
-ReasonOption = Annotated[str, typer.Option("--reason", help="Why; kept on record.")]
+ReasonOption = Annotated[str, option("--reason", "Why; kept on record.")]
 
 
 @study_app.command("check")
@@ -69,7 +60,7 @@ def check(
     task: TaskOption = None,
     device: Annotated[
         str | None,
-        typer.Option("--device", help="Compare with this board too: sim:wrist_drive, serial:..."),
+        option("--device", "Compare with this board too: sim:wrist_drive, serial:..."),
     ] = None,
     key: KeyOption = None,
     trust: TrustOption = None,
@@ -109,9 +100,7 @@ def create(
     task: TaskOption = None,
     simulated: Annotated[
         bool | None,
-        typer.Option(
-            "--simulated/--real", help="Whether people take part; it cannot be changed later."
-        ),
+        option("--simulated/--real", "Whether people take part; it cannot be changed later."),
     ] = None,
     trust: TrustOption = None,
     operator: OperatorOption = "",
@@ -146,20 +135,18 @@ def enrol(
     folder: FolderArgument,
     code: CodeArgument,
     consent: Annotated[
-        bool, typer.Option("--consent", help="The participant's written consent is there.")
+        bool, option("--consent", "The participant's written consent is there.")
     ] = False,
-    form: Annotated[
-        str, typer.Option("--form", metavar="VERSION", help="Version of the consent form.")
-    ] = "",
+    form: Annotated[str, option("--form VERSION", "Version of the consent form.")] = "",
     date: Annotated[
-        str, typer.Option("--date", help="When it was signed, as 2026-11-26; default: today.")
+        str, option("--date", "When it was signed, as 2026-11-26; default: today.")
     ] = "",
     obtained_by: Annotated[
-        str, typer.Option("--obtained-by", help="Who obtained the consent; default: the operator.")
+        str, option("--obtained-by", "Who obtained the consent; default: the operator.")
     ] = "",
     stratum: Annotated[
         list[str] | None,
-        typer.Option("--stratum", metavar="FACTOR=LEVEL", help="Of the allocation; one each."),
+        option("--stratum FACTOR=LEVEL", "Of the allocation; one each."),
     ] = None,
     operator: OperatorOption = "",
 ) -> None:
@@ -197,22 +184,21 @@ def skip(
 @study_app.command("event")
 def event(
     folder: FolderArgument,
-    kind: Annotated[EventKind, typer.Argument(metavar="KIND", help="deviation or adverse.")],
+    kind: Annotated[
+        Literal["deviation", "adverse"],
+        typer.Argument(metavar="KIND", help="deviation or adverse."),
+    ],
     text: Annotated[str, typer.Argument(metavar="TEXT", help="What happened, without names.")],
-    participant: Annotated[
-        str, typer.Option("--participant", metavar="CODE", help="To whom; default: nobody.")
-    ] = "",
-    session: Annotated[
-        int | None, typer.Option("--session", min=1, help="In which session.")
-    ] = None,
+    participant: Annotated[str, option("--participant CODE", "To whom; default: nobody.")] = "",
+    session: Annotated[int | None, option("--session", "In which session.", min=1)] = None,
     severity: Annotated[
-        str, typer.Option("--severity", help="mild, moderate, severe, life-threatening, fatal.")
+        str, option("--severity", "mild, moderate, severe, life-threatening, fatal.")
     ] = "",
     relation: Annotated[
         str,
-        typer.Option("--relation", help="To the device: not-related, possible, probable, causal."),
+        option("--relation", "To the device: not-related, possible, probable, causal."),
     ] = "",
-    action: Annotated[str, typer.Option("--action", help="What was done about it.")] = "",
+    action: Annotated[str, option("--action", "What was done about it.")] = "",
     operator: OperatorOption = "",
 ) -> None:
     """Record a deviation from the protocol, or an adverse event."""
@@ -224,12 +210,12 @@ def event(
         raise UserError(f"There is no session {session}.", f"There are {most}.")
     given |= {} if session is None else {"session": session - 1}
     more = {"severity": severity, "relation": relation, "action": action}
-    if kind is EventKind.adverse:
+    if kind == "adverse":
         given |= more
     elif unused := [f"--{n}" for n, x in more.items() if x]:
         raise UserError(f"{', '.join(unused)}: of adverse events.", "Leave it out.")
-    study.record(kind.value, **given)
-    out.print(f"{folder}: {kind.value} recorded")
+    study.record(kind, **given)
+    out.print(f"{folder}: {kind} recorded")
 
 
 @study_app.command("withdraw")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_host.cli.app import out, say_left_out
@@ -26,27 +26,14 @@ if TYPE_CHECKING:
     from esea_host.study.folder import StudyFolder
 
 
-class ExportForm(StrEnum):
-    rows = "rows"
-    parquet = "parquet"
-    bids = "bids"
-
-
-class BlindedRole(StrEnum):
-    operator = "operator"
-    participant = "participant"
-    analyst = "analyst"
+ExportForm = Literal["rows", "parquet", "bids"]
 
 
 @study_app.command("allocate")
 def allocate(
     folder: FolderArgument,
-    keep: Annotated[
-        Path, typer.Option("--keep", metavar="FILE", help="The sealed list: a new file, elsewhere.")
-    ],
-    places: Annotated[
-        int, typer.Option("--places", min=1, max=10000, help="In each stratum.")
-    ] = 200,
+    keep: Annotated[Path, option("--keep FILE", "The sealed list: a new file, elsewhere.")],
+    places: Annotated[int, option("--places", "In each stratum.", min=1, max=10000)] = 200,
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
@@ -63,7 +50,10 @@ def allocate(
 @study_app.command("unblind")
 def unblind(
     folder: FolderArgument,
-    role: Annotated[BlindedRole, typer.Argument(help="Who may see groups from now on.")],
+    role: Annotated[
+        Literal["operator", "participant", "analyst"],
+        typer.Argument(help="Who may see groups from now on."),
+    ],
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
@@ -71,10 +61,10 @@ def unblind(
     study = opened(folder, runs=False, operator=operator)
     if not reason:
         raise UserError("Nobody is unblinded without a reason.", "Give --reason, without names.")
-    if not study.blinded(role.value):
-        raise UserError(f"The {role.value} is not blinded.", "Nothing is to do.")
-    study.record("unblind", role=role.value, reason=reason)
-    out.print(f"{role.value} unblinded")
+    if not study.blinded(role):
+        raise UserError(f"The {role} is not blinded.", "Nothing is to do.")
+    study.record("unblind", role=role, reason=reason)
+    out.print(f"{role} unblinded")
 
 
 @study_app.command("delete")
@@ -96,14 +86,14 @@ def export(
     folder: FolderArgument,
     to: Annotated[Path | None, typer.Argument(metavar="OUT", help="A new folder.")] = None,
     as_: Annotated[
-        ExportForm, typer.Option("--as", help="rows: CSV and JSON; bids: samples and events too.")
-    ] = ExportForm.rows,
+        ExportForm, option("--as", "rows: CSV and JSON; bids: samples and events too.")
+    ] = "rows",
     check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; list what could identify a person.")
+        bool, option("--check", "Write nothing; list what could identify a person.")
     ] = False,
     labels: Annotated[
         bool,
-        typer.Option("--labels", help="Blinded study: conditions by neutral names, not left out."),
+        option("--labels", "Blinded study: conditions by neutral names, not left out."),
     ] = False,
     trust: TrustOption = None,
     operator: OperatorOption = "",
@@ -111,7 +101,7 @@ def export(
     """Write data for others: secret codes, no notes, no dates, no groups while blinded."""
     from esea_host.study.exchange import omissions
 
-    study = opened(folder, trust, runs=as_ is ExportForm.bids, operator=operator)
+    study = opened(folder, trust, runs=as_ == "bids", operator=operator)
     if (to is None) is not check:
         raise UserError("Either a new folder is written, or --check lists.", "Give one of them.")
     if to is not None:
@@ -120,7 +110,7 @@ def export(
     if to is None:
         with tempfile.TemporaryDirectory() as scratch:
             # Parquet has the same rows, which are looked at as text.
-            form = ExportForm.rows if as_ is ExportForm.parquet else as_
+            form = "rows" if as_ == "parquet" else as_
             _write(study, Path(scratch) / "x", form, labels)
             found = _identifying(study, Path(scratch) / "x")
         out.print(
@@ -131,8 +121,8 @@ def export(
         out.print("Not searched: movements, which who has others of the same person can compare.")
         return
     written = _write(study, to, as_, labels)
-    study.record("export", form=as_.value, labels=labels, written=written)
-    out.print(f"{to}: {written} {'runs' if as_ is ExportForm.bids else 'rows'}")
+    study.record("export", form=as_, labels=labels, written=written)
+    out.print(f"{to}: {written} {'runs' if as_ == 'bids' else 'rows'}")
     if found := _identifying(study, to):
         out.print(f"Before you share it: study export {folder} --check has {len(found)} findings.")
     if study.left_out or study.missing():
@@ -142,7 +132,7 @@ def export(
 def _write(study: StudyFolder, to: Path, form: ExportForm, labels: bool) -> int:
     from esea_host.study.exchange import to_bids, to_parquet, to_rows
 
-    forms = {ExportForm.bids: to_bids, ExportForm.parquet: to_parquet, ExportForm.rows: to_rows}
+    forms = {"bids": to_bids, "parquet": to_parquet, "rows": to_rows}
     return forms[form](study, to, labels)
 
 

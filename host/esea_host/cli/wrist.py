@@ -196,7 +196,7 @@ def analyse_wrist(
     report: ReportOption = None,
     csv: Annotated[Path | None, output_file("--csv", "Write every participant's values.")] = None,
     blinded: Annotated[
-        bool, typer.Option("--blinded", help="States by neutral names, as while blinded.")
+        bool, option("--blinded", "States by neutral names, as while blinded.")
     ] = False,
 ) -> None:
     """Every metric and test of the wrist study, tables 7.1 to 7.4 beside the published ones."""
