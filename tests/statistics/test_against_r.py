@@ -82,9 +82,9 @@ def paired(d):
     """Ours, and R's expression, of one sample of differences."""
     text, n = vector(d), len(d)
     if d.any():
-        normal = signed_rank(d, method="normal").p
-        yield normal, f"wilcox.test({text}, exact = FALSE)$p.value"
         found = signed_rank(d)
+        if found.method == "normal":
+            yield found.p, f"wilcox.test({text}, exact = FALSE)$p.value"
         if n <= 15:
             kept = vector(d[d != 0])
             yield found.p, f"signs({kept})"

@@ -44,12 +44,11 @@ SEQUENCE = ["formoterol"] * 7 + ["salbutamol"] * 6
 DRUGS = ("formoterol", "salbutamol")
 
 
-def enumerated_p(found, pratt=False):
+def enumerated_p(found):
     """Every assignment of signs, counted one by one."""
     d = np.asarray(found, dtype=float)
-    r = scipy.stats.rankdata(np.abs(d)) if pratt else scipy.stats.rankdata(np.abs(d[d != 0]))
-    r = r[d != 0] if pratt else r
     d = d[d != 0]
+    r = scipy.stats.rankdata(np.abs(d))
     seen = r[d > 0].sum()
     sums = np.array([np.dot(s, r) for s in itertools.product((0, 1), repeat=len(d))])
     tail = min(np.sum(sums <= seen + 1e-9), np.sum(sums >= seen - 1e-9))
@@ -70,11 +69,10 @@ def test_rs_example():
 
 
 def test_zeros_and_ties_are_stated():
-    """R warns of both and takes the normal approximation: p = 0.009091; counted it is 2/512."""
+    """Of all signs counted; R warns of both and takes the normal approximation."""
     found = signed_rank(DRUG_1, DRUG_2)
     assert (found.n, found.zeros, found.ties) == (10, 1, 2)
     assert found.p == pytest.approx(2 / 512)
-    assert signed_rank(DRUG_1, DRUG_2, method="normal").p == pytest.approx(0.009091, abs=5e-7)
     assert (found.rank_biserial, found.rank_biserial_low) == (-1, -1)
     # All nine slower: (1 - c)/(1 + c) with c = 1.96^2 times the variance under no difference.
     c = 1.959964**2 * (9 * 10 * 19 / 6) / 45**2
@@ -92,14 +90,14 @@ def test_ties_and_zeros_up_to_rounding():
 
 
 @settings(max_examples=60)
-@given(st.lists(st.integers(-4, 4), min_size=2, max_size=8).filter(any), st.booleans())
-def test_every_sign_counted(found, pratt):
+@given(st.lists(st.integers(-4, 4), min_size=2, max_size=8).filter(any))
+def test_every_sign_counted(found):
     """Five-level answers are full of ties and zeros."""
-    ours = signed_rank(found, zeros="pratt" if pratt else "drop")
-    assert ours.p == pytest.approx(enumerated_p(found, pratt))
+    ours = signed_rank(found)
+    assert ours.p == pytest.approx(enumerated_p(found))
     assert ours.n == len(found)
     assert ours.zeros == found.count(0)
-    turned = signed_rank([-x for x in found], zeros="pratt" if pratt else "drop")
+    turned = signed_rank([-x for x in found])
     assert turned.p == pytest.approx(ours.p)
     assert turned.rank_biserial == pytest.approx(-ours.rank_biserial)
     assert turned.low == pytest.approx(-ours.high)
@@ -297,7 +295,6 @@ def test_rs_bayes_factor():
     assert (found.low, found.high) == pytest.approx((-2.459886, -0.7001142))
     assert found.probability_positive == pytest.approx(0.002833 / 2, abs=1e-6)
     assert bayes_paired([1, 1.0001, 1.0002, 1.0003]).bayes_factor_01 > 0
-    assert bayes_paired(DRUG_1, DRUG_2, equivalence=99.0).probability_equivalent > 0.999
 
 
 def test_kappa():
@@ -328,8 +325,6 @@ def test_kappa():
         (lambda: signed_rank([1.0, 2], [1.0, 2]), "All differences are 0"),
         (lambda: signed_rank([1.0, 2], [1.0]), "2 people in one condition and 1"),
         (lambda: signed_rank([1.0, math.nan]), "1 of 2 are missing"),
-        (lambda: signed_rank([1.0], zeros="keep"), "Choose from"),
-        (lambda: signed_rank(np.arange(1, 60.0), method="exact"), "59 differences"),
         (lambda: standardised_difference([1.0, 1.0]), "no standard deviation"),
         (lambda: standardised_difference([1.0]), "at least 2"),
         (lambda: holm([0.1, 1.2]), "probabilities"),

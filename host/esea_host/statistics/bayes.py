@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 from scipy.stats import t
 
-from esea_host.statistics.checks import NoStatisticError, StatisticResult, share
+from esea_host.statistics.checks import TAIL, StatisticResult
 from esea_host.statistics.paired_t import standardised_difference
 
 PRIOR_WIDTH = math.sqrt(0.5)  # of the Cauchy prior on d_z: the default of R's BayesFactor
@@ -26,7 +26,8 @@ class BayesPaired(StatisticResult):
     mean, low, high, probability_positive : float
         Posterior mean and credible interval in the data's unit; that the mean is above 0.
     equivalence, probability_equivalent : float
-        Half-width of the range that counts as no difference; that the mean lies within it.
+        Half-width of the range that counts as no difference, 0.2 standard deviations of the
+        differences; that the mean lies within it.
     bayes_factor_01, log_bayes_factor_01 : float
         How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707); its
         natural logarithm, for the factor itself may be too small for a number.
@@ -42,43 +43,27 @@ class BayesPaired(StatisticResult):
     log_bayes_factor_01: float
 
 
-def bayes_paired(
-    x: ArrayLike,
-    y: ArrayLike | None = None,
-    *,
-    equivalence: float | None = None,
-    confidence: float = 0.95,
-) -> BayesPaired:
+def bayes_paired(x: ArrayLike, y: ArrayLike | None = None) -> BayesPaired:
     r"""Posterior of the mean paired difference, and the evidence for none.
 
     Parameters
     ----------
     x, y : array_like
         Both conditions of the same people, shape (n,); without y, x has the differences.
-    equivalence : float, optional
-        Half-width of the range that counts as no difference; without it 0.2 standard deviations of
-        the differences.
-    confidence : float
-        Of the credible interval.
 
     References
     ----------
     [1] J. N. Rouder et al., "Bayesian t tests for accepting and rejecting the null hypothesis",
         Psychon. Bull. Rev. 16, 2009, eq. 1.
     """
-    share(confidence, "A confidence")
-    found = standardised_difference(x, y, confidence)
-    half = 0.2 * found.sd if equivalence is None else equivalence
-    if not half >= 0:
-        raise NoStatisticError(
-            f"An equivalence range of {half}.", "Give its half-width, 0 or more."
-        )
+    found = standardised_difference(x, y)
+    half = 0.2 * found.sd
     log_factor = log_bayes_factor_01(found.dz * math.sqrt(found.n), found.n)
     posterior = t(found.n - 1, loc=found.mean, scale=found.sd / math.sqrt(found.n))
     return BayesPaired(
         found.mean,
-        float(posterior.ppf((1 - confidence) / 2)),
-        float(posterior.isf((1 - confidence) / 2)),
+        float(posterior.ppf(TAIL)),
+        float(posterior.isf(TAIL)),
         float(posterior.sf(0.0)),
         half,
         float(posterior.cdf(half) - posterior.cdf(-half)),

@@ -13,6 +13,7 @@ Array = npt.NDArray[np.float64]
 # Of the largest value: numbers closer than this are equal.  How a difference is rounded depends on
 # the unit.
 ROUNDING = 1e-12
+TAIL = 0.025  # beyond either end of an interval: 95 %
 
 
 class NoStatisticError(ValueError):

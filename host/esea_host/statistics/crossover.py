@@ -12,13 +12,13 @@ from scipy.stats import mannwhitneyu, rankdata, t
 
 from esea_host.statistics.checks import (
     ROUNDING,
+    TAIL,
     Array,
     NoStatisticError,
     StatisticResult,
     largest,
     levels,
     numbers,
-    share,
 )
 from esea_host.statistics.signed_rank import MOST_EXACT
 
@@ -78,7 +78,6 @@ def crossover(
     second_period: ArrayLike,
     first_treatment: Sequence[str],
     treatments: tuple[str, str],
-    confidence: float = 0.95,
 ) -> Crossover:
     """Treatment, period and carry-over effects, by t and by ranks.
 
@@ -88,8 +87,6 @@ def crossover(
         Each person's values, shape (n,), and which treatment it had first.
     treatments : tuple of str
         Both treatments; the effect is the first's minus the second's.
-    confidence : float
-        Of the intervals.
 
     References
     ----------
@@ -99,7 +96,6 @@ def crossover(
     [3] G. G. Koch, "The use of non-parametric methods in the statistical analysis of the two-period
         change-over design", Biometrics 28, 1972.
     """
-    share(confidence, "A confidence")
     one, two, forward = _checked(first_period, second_period, first_treatment, treatments)
     change, scale = one - two, largest(one, two)
     # Sign of the second sequence turned: the difference of the sequences is then twice the first
@@ -108,9 +104,9 @@ def crossover(
     return Crossover(
         treatments,
         {treatments[0]: int(forward.sum()), treatments[1]: int((~forward).sum())},
-        _contrast(change, forward, 0.5, confidence, scale),
-        _contrast(-flipped, forward, 0.5, confidence, scale),
-        _contrast(one + two, forward, 1.0, confidence, scale),
+        _contrast(change, forward, 0.5, scale),
+        _contrast(-flipped, forward, 0.5, scale),
+        _contrast(one + two, forward, 1.0, scale),
     )
 
 
@@ -144,9 +140,7 @@ def _checked(
     return one, two, forward
 
 
-def _contrast(
-    values: Array, forward: Any, factor: float, confidence: float, scale: float
-) -> Effect:
+def _contrast(values: Array, forward: Any, factor: float, scale: float) -> Effect:
     # Half, or all, of the difference of the sequences' means, with their common variance.
     unit = float(np.max(np.abs(values))) or 1.0
     a, b = values[forward] / unit, values[~forward] / unit
@@ -156,7 +150,7 @@ def _contrast(
         sd = 0.0  # without any spread nothing can be tested
     se = factor * unit * sd * float(np.sqrt(1 / len(a) + 1 / len(b)))
     estimate = factor * unit * float(a.mean() - b.mean())
-    half = float(t.isf((1 - confidence) / 2, df)) * se
+    half = float(t.isf(TAIL, df)) * se
     p = float(2 * t.sf(abs(estimate) / se, df)) if se > 0 else float("nan")
     rank = rank_sum_p(levels(values, scale), forward)
     return Effect(estimate, estimate - half, estimate + half, se, df, p, rank)

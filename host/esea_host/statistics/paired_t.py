@@ -13,10 +13,10 @@ from scipy.stats import norm, t
 
 from esea_host.statistics.checks import (
     ROUNDING,
+    TAIL,
     NoStatisticError,
     StatisticResult,
     differences,
-    share,
 )
 
 
@@ -45,19 +45,14 @@ class PairedEffect(StatisticResult):
     p: float
 
 
-def standardised_difference(
-    x: ArrayLike, y: ArrayLike | None = None, confidence: float = 0.95
-) -> PairedEffect:
+def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedEffect:
     """Mean paired difference in its unit and in standard deviations (Cohen's d_z).
 
     Parameters
     ----------
     x, y : array_like
         Both conditions of the same people, shape (n,); without y, x has the differences.
-    confidence : float
-        Of the intervals.
     """
-    share(confidence, "A confidence")
     found, scale = differences(x, y, least=2)
     # Scaled: the square of a tiny unit's value is 0.
     unit = float(np.max(np.abs(found))) or 1.0
@@ -66,7 +61,7 @@ def standardised_difference(
     if sd <= ROUNDING * scale:
         raise NoStatisticError("All differences are equal.", "They have no standard deviation.")
     statistic = mean / sd * math.sqrt(n)
-    half = float(t.isf((1 - confidence) / 2, n - 1)) * sd / math.sqrt(n)
+    half = float(t.isf(TAIL, n - 1)) * sd / math.sqrt(n)
 
     def end(tail: float) -> float:
         def off(shift: float) -> float:
@@ -78,7 +73,6 @@ def standardised_difference(
             far += step
         return float(brentq(off, *sorted((statistic, far)))) / math.sqrt(n)
 
-    tail = (1 - confidence) / 2
     return PairedEffect(
         n,
         mean,
@@ -86,8 +80,8 @@ def standardised_difference(
         mean + half,
         sd,
         mean / sd,
-        end(1 - tail),
-        end(tail),
+        end(1 - TAIL),
+        end(TAIL),
         float(2 * t.sf(abs(statistic), n - 1)),
     )
 

@@ -15,6 +15,7 @@ from esea_host.statistics.paired_t import noncentral_t_sf
 from esea_host.statistics.signed_rank import MOST_EXACT, attainable_p
 
 REPEATS, SEED = 20_000, 1
+POWER = 0.8  # desired
 _MOST_PEOPLE = 2000
 _LARGEST_DZ = 20.0
 
@@ -121,59 +122,55 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
 
 
 @cache
-def detectable_effect(n: int, power: float = 0.8, alpha: float = 0.05) -> float:
-    """Smallest standardised difference that n pairs show with the wanted power.
+def detectable_effect(n: int, alpha: float = 0.05) -> float:
+    """Smallest standardised difference that n pairs show with a power of 80 %.
 
     Parameters
     ----------
-    n, power, alpha : float
-        Pairs, desired power, two-sided level.
+    n, alpha : float
+        Pairs, two-sided level.
 
     Returns
     -------
     float
         d_z; infinite where n pairs cannot be significant at this level.
     """
-    share(power, "A power")
-    if signed_rank_power(n, _LARGEST_DZ, alpha) < power:
+    if signed_rank_power(n, _LARGEST_DZ, alpha) < POWER:
         return math.inf
-    if alpha >= power:
+    if alpha >= POWER:
         return 0.0
     return float(
-        brentq(lambda d: signed_rank_power(n, d, alpha) - power, 0.0, _LARGEST_DZ, xtol=1e-4)
+        brentq(lambda d: signed_rank_power(n, d, alpha) - POWER, 0.0, _LARGEST_DZ, xtol=1e-4)
     )
 
 
 @cache
-def participants_needed(dz: float, power: float = 0.8, alpha: float = 0.05) -> int | None:
-    """Fewest pairs that show a standardised difference with the wanted power.
+def participants_needed(dz: float, alpha: float = 0.05) -> int | None:
+    """Fewest pairs that show a standardised difference with a power of 80 %.
 
     Parameters
     ----------
-    dz, power, alpha : float
-        Mean difference in standard deviations, desired power, two-sided level.
+    dz, alpha : float
+        Mean difference in standard deviations, two-sided level.
 
     Returns
     -------
     int or None
         Pairs; None where 2000 are not enough.
     """
-    share(power, "A power")
     low, high = 2, _MOST_PEOPLE
-    if signed_rank_power(high, dz, alpha) < power:
+    if signed_rank_power(high, dz, alpha) < POWER:
         return None
     while low < high:
         middle = (low + high) // 2
-        if signed_rank_power(middle, dz, alpha) >= power:
+        if signed_rank_power(middle, dz, alpha) >= POWER:
             high = middle
         else:
             low = middle + 1
     return low
 
 
-def power_statement(
-    n: int, sd: float = math.nan, power: float = 0.8, alpha: float = 0.05
-) -> PowerStatement:
+def power_statement(n: int, sd: float = math.nan, alpha: float = 0.05) -> PowerStatement:
     """What n pairs could have shown, whatever they did show.
 
     Parameters
@@ -182,8 +179,6 @@ def power_statement(
         Pairs.
     sd : float
         Standard deviation of the differences, for the answer in the data's unit.
-    power : float
-        Wanted.
     alpha : float
         Two-sided level of one test; of a family of m tests the first step of Holm's is alpha / m.
 
@@ -194,14 +189,14 @@ def power_statement(
     """
     if sd <= 0 or math.isinf(sd):
         raise NoStatisticError(f"A standard deviation of {sd:g}.", "Give more than 0, or none.")
-    dz = detectable_effect(n, power, alpha)
+    dz = detectable_effect(n, alpha)
     sizes = (0.2, 0.5, 0.8, 1.0, 1.5)
     return PowerStatement(
         n,
         alpha,
-        power,
+        POWER,
         dz,
         dz * sd,
         {f"{d:g}": signed_rank_power(n, d, alpha) for d in sizes},
-        {f"{d:g}": m for d in sizes if (m := participants_needed(d, power, alpha)) is not None},
+        {f"{d:g}": m for d in sizes if (m := participants_needed(d, alpha)) is not None},
     )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import norm, rankdata
 
 from esea_host.statistics.checks import (
+    TAIL,
     Array,
     NoStatisticError,
     StatisticResult,
@@ -20,8 +21,6 @@ from esea_host.statistics.checks import (
 
 # Up to here all 2^n signs are counted: their number is exact in a double.
 MOST_EXACT = 50
-ZEROS = ("drop", "pratt")
-METHODS = ("auto", "exact", "normal")
 
 
 @dataclass(frozen=True)
@@ -34,12 +33,12 @@ class SignedRank(StatisticResult):
         Pairs; differences that are 0; those whose magnitude another one shares, up to 1e-12 of the
         largest value, which get the mean of their ranks.
     zero_method : str
-        ``"drop"``: zeros are left out before ranking (Wilcoxon); ``"pratt"``: after ranking.
+        ``"drop"``: zeros are left out before ranking (Wilcoxon).
     w_plus, w_minus : float
         Sum of the ranks of positive and of negative differences.
     p, method : float and str
-        Two-sided; ``"exact"``: every assignment of signs to these ranks counted; ``"normal"``: with
-        ties and continuity corrected.
+        Two-sided; up to 50 pairs ``"exact"``: every assignment of signs to these ranks counted;
+        ``"normal"``: with ties and continuity corrected.
     hodges_lehmann, low, high, confidence : float
         Median of the means of all pairs of differences (zeros too), in the data's unit, its
         interval, and what that attains; few people do not allow 95 %.
@@ -64,38 +63,19 @@ class SignedRank(StatisticResult):
     rank_biserial_high: float
 
 
-def signed_rank(
-    x: ArrayLike,
-    y: ArrayLike | None = None,
-    *,
-    zeros: str = "drop",
-    method: str = "auto",
-    confidence: float = 0.95,
-) -> SignedRank:
+def signed_rank(x: ArrayLike, y: ArrayLike | None = None) -> SignedRank:
     """Test whether paired differences x - y are symmetric about 0.
 
     Parameters
     ----------
     x, y : array_like
         Both conditions of the same people, shape (n,); without y, x has the differences.
-    zeros : str
-        ``"drop"`` or ``"pratt"``.
-    method : str
-        ``"exact"``, ``"normal"``, or ``"auto"``: exact up to 50 pairs, ties and zeros included.
-    confidence : float
-        Of the intervals.
 
     References
     ----------
     [1] M. Hollander, D. A. Wolfe, E. Chicken, Nonparametric Statistical Methods, 3.1 to 3.3.
     [2] D. S. Kerby, "The simple difference formula", Comprehensive Psychology 3, 2014.
     """
-    share(confidence, "A confidence")
-    if zeros not in ZEROS or method not in METHODS:
-        raise NoStatisticError(
-            f"zeros={zeros!r}, method={method!r}.",
-            f"Choose from {', '.join(ZEROS)} and {', '.join(METHODS)}.",
-        )
     found, scale = differences(x, y, least=1)
     # 1.1 - 1.0 and 2.1 - 2.0 are a tie, though not to the last bit.
     *size, zero = levels(np.append(np.abs(found), 0.0), scale)
@@ -103,23 +83,19 @@ def signed_rank(
     kept = found[nonzero]
     if len(kept) == 0:
         raise NoStatisticError("All differences are 0.", "There is nothing to rank.")
-    if method == "exact" and len(kept) > MOST_EXACT:
-        raise NoStatisticError(
-            f"{len(kept)} differences.", f"Up to {MOST_EXACT} are counted; take 'auto'."
-        )
     sizes = np.array(size)[nonzero]
-    ranks = rankdata(size)[nonzero] if zeros == "pratt" else rankdata(sizes)
+    ranks = rankdata(sizes)
     plus = float(ranks[kept > 0].sum())
     minus = float(ranks[kept < 0].sum())
-    exact = method != "normal" and len(kept) <= MOST_EXACT
+    exact = len(kept) <= MOST_EXACT
     p = _exact_p(ranks, plus) if exact else _normal_p(ranks, plus)
     _, counts = np.unique(sizes, return_counts=True)
-    estimate, low, high, attained = hodges_lehmann(found, confidence)
+    estimate, low, high, attained = hodges_lehmann(found)
     biserial = (plus - minus) / (plus + minus)
     return SignedRank(
         len(found),
         len(found) - len(kept),
-        zeros,
+        "drop",
         int(counts[counts > 1].sum()),
         plus,
         minus,
@@ -130,7 +106,7 @@ def signed_rank(
         high,
         attained,
         biserial,
-        *biserial_interval(biserial, len(kept), confidence),
+        *biserial_interval(biserial, len(kept)),
     )
 
 
@@ -155,7 +131,7 @@ def _normal_p(ranks: Array, plus: float) -> float:
     return float(2 * norm.sf(z))
 
 
-def hodges_lehmann(found: Array, confidence: float) -> tuple[float, float, float, float]:
+def hodges_lehmann(found: Array) -> tuple[float, float, float, float]:
     """Median of the Walsh averages, its interval, and the confidence that this attains."""
     i, j = np.triu_indices(len(found))
     walsh = np.sort((found[i] + found[j]) / 2)
@@ -166,13 +142,13 @@ def hodges_lehmann(found: Array, confidence: float) -> tuple[float, float, float
         spread = math.sqrt(n * (n + 1) * (2 * n + 1) / 24)
         below = norm.cdf((np.arange(m + 1) + 0.5 - m / 2) / spread)
     # As many averages are cut off at either end as leave at most half of the error there.
-    cut = int(np.searchsorted(below, (1 - confidence) / 2, side="right"))
+    cut = int(np.searchsorted(below, TAIL, side="right"))
     attained = 1 - 2 * below[cut - 1] if cut > 0 else 1 - 2 * below[0]
     cut = max(cut, 1)
     return float(np.median(walsh)), float(walsh[cut - 1]), float(walsh[m - cut]), float(attained)
 
 
-def biserial_interval(biserial: float, n: int, confidence: float) -> tuple[float, float]:
+def biserial_interval(biserial: float, n: int) -> tuple[float, float]:
     """Score interval of a rank-biserial correlation.
 
     All rho with (biserial - rho)^2 <= z^2 (1 - rho^2) var0, the variance under no difference.  In
@@ -180,7 +156,7 @@ def biserial_interval(biserial: float, n: int, confidence: float) -> tuple[float
     usual interval by Fisher's transformation as little as 51 %.
     """
     total = n * (n + 1) / 2
-    c = float(norm.isf((1 - confidence) / 2)) ** 2 * (2 * n**3 + 3 * n**2 + n) / 6 / total**2
+    c = float(norm.isf(TAIL)) ** 2 * (2 * n**3 + 3 * n**2 + n) / 6 / total**2
     half = math.sqrt(max(0.0, c * (1 + c - biserial**2)))
     return max(-1.0, (biserial - half) / (1 + c)), min(1.0, (biserial + half) / (1 + c))
 
@@ -222,21 +198,19 @@ class ImpliedEffect(StatisticResult):
     as_printed: bool
 
 
-def effect_from_p(p: float, n: int, digits: int = 2) -> ImpliedEffect:
+def effect_from_p(p: float, n: int) -> ImpliedEffect:
     """The rank sum, and with it the effect, that a printed p value allows.
 
     Parameters
     ----------
     p : float
-        Two-sided p as printed.
+        Two-sided p as printed, with two significant digits.
     n : int
         Pairs without zeros and ties.
-    digits : int
-        Significant digits that were printed.
     """
     share(p, "A p value")
     known = attainable_p(n)
     at = int(np.argmin(np.abs(known - p)))
-    half = 0.5000001 * 10.0 ** (math.floor(math.log10(p)) - digits + 1)
+    half = 0.5000001 * 10.0 ** (math.floor(math.log10(p)) - 1)
     biserial = 1 - 2 * at / (n * (n + 1) / 2)
     return ImpliedEffect(at, float(known[at]), biserial, bool(abs(known[at] - p) <= half))
