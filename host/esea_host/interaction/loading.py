@@ -126,9 +126,9 @@ def _mJ(work_J: float) -> str:
     return f"{1e3 * work_J if abs(work_J) > 1e-9 else 0.0:.4g}"
 
 
-def loading_branches(theta_rad: ArrayLike, rest_rad: float = 0.0) -> tuple[Branch, ...]:
+def loading_branches(theta_rad: ArrayLike) -> tuple[Branch, ...]:
     """Loading branches of a record: from the last passage through rest to each extreme."""
-    theta = _smoothed(_finite(theta_rad, "theta_rad") - rest_rad)
+    theta = _smoothed(_finite(theta_rad, "theta_rad"))
     extremes = _extremes(theta)
     found, last = [], 0
     for at in extremes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -96,9 +96,9 @@ class Chains:
         return np.reshape(self.result(metric, stop_Hz, **settings).value, self.shape)
 
 
-def settings_grid(metric: Metric, stops_Hz: Sequence[float] = STOPS_HZ) -> list[dict[str, float]]:
+def settings_grid(metric: Metric) -> list[dict[str, float]]:
     """Combinations of filter, cut-off and threshold over which a number is looked at."""
-    grid: list[dict[str, float]] = [{"stop_Hz": s} for s in stops_Hz]
+    grid: list[dict[str, float]] = [{"stop_Hz": s} for s in STOPS_HZ]
     for name, values in (("cutoff_Hz", CUTOFFS_HZ), ("threshold", THRESHOLDS)):
         if name in metric.tuned:
             grid = [g | {name: v} for g in grid for v in values]

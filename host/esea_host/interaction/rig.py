@@ -149,13 +149,11 @@ def element_device(element: str) -> Device:
 
 
 @lru_cache(maxsize=8)
-def simulated_loading(
-    device: Device, protocol: LoadingProtocol | None = None, skip_first: bool = False
-) -> LoadingCurve:
+def simulated_loading(device: Device, protocol: LoadingProtocol | None = None) -> LoadingCurve:
     """The protocol run on the device's torque model: simulated, not measured."""
     _, theta, omega = (protocol or LoadingProtocol()).motion(1 / device.period_s)
     found, _ = device.sensor.simulator().run({"theta_rad": theta, "omega_rad_s": omega})
-    return analyse_loading(theta, np.ravel(found["tau_Nm"]), skip_first=skip_first)
+    return analyse_loading(theta, np.ravel(found["tau_Nm"]))
 
 
 # Nobody is asked for more than in the familiarisation.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -172,7 +172,3 @@ def task_named(name: str, where: str) -> StudyTask:
             "is named with tasks = [...] in the protocol or --task FILE.py.",
         )
     return _TASKS[name]
-
-
-Stopper = Callable[[], str]
-"""Asked at every step: why the trial is to stop now, or nothing."""
