@@ -95,8 +95,7 @@ def told(text: str) -> None:
 def say_left_out(lines: Sequence[str]) -> None:
     """What is not used, and why, before anything else."""
     out.print("Left out:" if lines else "Nothing is left out.")
-    for line in lines:
-        out.print(f"  {line}")
+    say(f"  {line}" for line in lines)
 
 
 def main() -> None:

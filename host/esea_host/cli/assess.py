@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +16,7 @@ from esea_gen.cli.options import JobsOption, option, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
-from esea_host.cli.app import app, out, told
+from esea_host.cli.app import app, out, say, told
 from esea_host.cli.options import DarkOption, JsonOption, KeyOption, output_file
 from esea_host.cli.view import need_a_screen
 
@@ -57,11 +57,6 @@ HeightOption = Annotated[float, option("--height-m", "Body height, 1.0 to 2.3.")
 LowOption = Annotated[float, option("--from-deg", "Reach: least bending.")]
 HighOption = Annotated[float, option("--to-deg", "Reach: most bending.")]
 MassOption = Annotated[float, option("--mass-kg", "Body mass, 15 to 250.")]
-
-
-def _lines(lines: Iterable[str]) -> None:
-    for line in lines:
-        out.print(line)
 
 
 def _data(path: Path | None) -> Any:
@@ -130,7 +125,7 @@ def evaluate(
     met, mixed = meet_all(data, patients, seed, jobs, say=told)
     result = {"seed": seed} | judge(met, mixed, data)
     out.print(data.notice)
-    _lines(table(result))
+    say(table(result))
     write_json(json_file, "host-assess-virtual", result)
     if page is not None:
         write_whole(page, evaluation_page(result))
@@ -172,7 +167,6 @@ def run(
     without a sensor: say in a word how the leg resists, or skip.
     """
     # Long: an option a line.
-    # Long: an option a line
     from esea_host.assess.desk import ClinicDesk, assess_unattended, converse
     from esea_host.assess.files import read_recording
     from esea_host.assess.patients import DEG
@@ -200,7 +194,7 @@ def run(
         if somebody is not None:
             out.print("The patient is simulated.")
         for path, r in zip(recording or [], recordings, strict=True):
-            _lines([r.read] if r.read else [])
+            say([r.read] if r.read else [])
             out.print(desk.recording(r, path.name))
         if board is not None and (headless or zero):
             from esea_host.assess.board import be_ready
@@ -321,8 +315,8 @@ def _measuring(
 
 def _measured(read: str, sentences: list[str]) -> None:
     out.print(MEASURED_NOTICE)
-    _lines([read] if read else [])
-    _lines(sentences)
+    say([read] if read else [])
+    say(sentences)
 
 
 @assess.command(epilog=MEASURED_NOTICE)
@@ -436,5 +430,5 @@ def validate(
     if folder is not None:
         found["elbow"] = against_elbow(folder)
     out.print(NOTICE)
-    _lines(table(found))
+    say(table(found))
     write_json(json_file, "host-assess-known", found)

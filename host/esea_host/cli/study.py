@@ -14,7 +14,7 @@ from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole
-from esea_host.cli.app import app, out
+from esea_host.cli.app import app, out, say
 from esea_host.cli.options import KeyOption, know_shipped_tasks
 
 if TYPE_CHECKING:
@@ -76,8 +76,7 @@ def check(
     out.print(explain(protocol))
     if device is not None:
         signals = DeviceSignals(device_at(device, key))
-        for line in signals.told(uses_of(protocol)):
-            out.print(f"  {signals.device.name}: {line}")
+        say(f"  {signals.device.name}: {line}" for line in signals.told(uses_of(protocol)))
 
 
 def device_at(address: str, key: Path | None = None) -> Device:
@@ -236,8 +235,7 @@ def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> Non
     from esea_host.study.repair import repair
 
     said = repair(opened(folder, runs=False, operator=operator))
-    for line in said or ["Every log holds: nothing was changed."]:
-        out.print(line)
+    say(said or ["Every log holds: nothing was changed."])
 
 
 @study_app.command("replay")

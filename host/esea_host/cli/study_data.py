@@ -11,7 +11,7 @@ import typer
 from esea_gen.cli.options import option
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
-from esea_host.cli.app import out, say_left_out
+from esea_host.cli.app import out, say, say_left_out
 from esea_host.cli.study import (
     CodeArgument,
     FolderArgument,
@@ -116,8 +116,7 @@ def export(
         out.print(
             "Could identify a person:" if found else "Found nothing that identifies a person."
         )
-        for line in found:
-            out.print(f"  {line}")
+        say(f"  {line}" for line in found)
         out.print("Not searched: movements, which who has others of the same person can compare.")
         return
     written = _write(study, to, as_, labels)
@@ -148,8 +147,7 @@ def status(folder: FolderArgument) -> None:
     """Participants, places of the list, sessions: in words, without a group."""
     from esea_host.study.report import flow_of
 
-    for line in flow_of(opened(folder, runs=False)).lines():
-        out.print(line)
+    say(flow_of(opened(folder, runs=False)).lines())
 
 
 @study_app.command("report")

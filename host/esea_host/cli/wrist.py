@@ -15,7 +15,7 @@ from rich.table import Table
 from esea_gen.cli.options import ClusterOption, JobsOption, option
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole
-from esea_host.cli.app import out, say_left_out, told
+from esea_host.cli.app import out, say, say_left_out, told
 from esea_host.cli.interaction import analyse as analyse_app
 from esea_host.cli.interaction import checked_page, shown_interaction
 from esea_host.cli.options import JsonOption, ReportOption, know_shipped_tasks, output_file
@@ -74,9 +74,7 @@ def compare_wrist(asked: VirtualRun) -> None:
         "RMS: speed error over the peak, tracking the own healthy motion.  Peak: constrained over "
         "healthy.  Targets, after-effect: healthy less constrained; 0 is what is wanted."
     )
-    for x in found:
-        for reason in x.refused:
-            out.print(f"{x.method}: ended early: {reason}")
+    say(f"{x.method}: ended early: {reason}" for x in found for reason in x.refused)
     write_json(asked.to_json, "host-wrist-methods", {"simulated": True, "methods": found})
 
 
@@ -92,9 +90,7 @@ def shift_wrist(asked: VirtualRun) -> None:
         f"{kept} of {len(runs) - 1} runs change nothing.  A conclusion: the second side is more or "
         "less in three quarters of the ranks, else neither."
     )
-    for x in runs:
-        for reason in x.early:
-            out.print(f"{x.name} {x.end}: ended early: {reason}")
+    say(f"{x.name} {x.end}: ended early: {reason}" for x in runs for reason in x.early)
     write_json(asked.to_json, "host-wrist-sensitivity", {"simulated": True, "runs": runs})
     if asked.report:
         write_whole(asked.report, sensitivity_page(runs, asked.participants))
@@ -150,8 +146,7 @@ def virtual(
             early = _interaction(asked)
         else:
             early = _any_protocol(Path(study), asked)
-        for reason in early:
-            out.print(f"ended early: {reason}")
+        say(f"ended early: {reason}" for reason in early)
 
 
 def _wrist(asked: VirtualRun, method: str) -> list[str]:
@@ -217,9 +212,7 @@ def shown_wrist(
     for title, lines in result.tables.items():
         heads = (*COLUMNS[:3], *result.sides[title], *COLUMNS[5:])
         _print_table(f"Table {title}: {result.participants} {mark}", heads, map(cells, lines))
-        for line in lines:
-            if line.note:
-                out.print(f"{line.metric}: {line.note}")
+        say(f"{line.metric}: {line.note}" for line in lines if line.note)
     out.print(
         "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
         "each table; effect: rank-biserial correlation."
