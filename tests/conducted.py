@@ -62,7 +62,7 @@ def run_one(study: StudyFolder, **more) -> StudySession:
     """The first session of P01, or what remains of it."""
     session = study.session("P01", 0, SimulatedSource(3))
     session.run(**more)
-    study.finish("P01", 0, session)
+    study.finish(session)
     session.close()
     return session
 
@@ -113,7 +113,8 @@ def beginning(folder: Path):
     def begin_one(protocol, source=None, at=(), **more) -> Stepped:
         study = study_of(folder, protocol)
         given = source or SimulatedSource(3)
-        made.append(Stepped(study, "P01", 0, given, **{"speed": math.inf, "at": at} | more))
+        session = study.session("P01", 0, given)
+        made.append(Stepped(study, session, **{"speed": math.inf, "at": at} | more))
         made[-1].start()
         return made[-1]
 

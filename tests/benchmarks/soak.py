@@ -25,7 +25,6 @@ from esea_host.connection import open_device
 from esea_host.connection.receiver import KEY
 from esea_host.interaction.on_board import ElementBoard
 from esea_host.recording.log import open_log
-from esea_host.study.board import BoardSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.protocol import parse_protocol
@@ -127,8 +126,7 @@ def soak(
     process = BoardProcess(pty, speed)
     try:
         with open_device(process.address) as device:
-            board = BoardSource(device, path.parent, True)
-            source = ElementBoard(board, None, process.hand)
+            source = ElementBoard(device, path.parent, True, hands=process.hand)
             happens = {
                 "": lambda: None,
                 "unplug": device.receiver.transport.close,
@@ -140,7 +138,7 @@ def soak(
             clock, health = device.clock(), device.health()
             state = session.state
             session.close()
-            board.close()
+            source.close()
     finally:
         process.close()
     ended = [e.data["state"] for e in read_log(path).entries if e.kind == "trial_end"]

@@ -18,7 +18,6 @@ from esea_host.interaction.recordings import cut_trials, read_angle
 from esea_host.people.person import PersonModel, person
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import Attendant
-from esea_host.study.board import BoardSource
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import generator
@@ -62,10 +61,9 @@ def session_of(tmp_path, simulated_elbow):
         folder = tmp_path / f"s{len(made)}"
         study = StudyFolder.create(folder, parse_protocol(text, "p"), simulated=True, durable=False)
         study.enrol("P01", True)
-        board = BoardSource(device, study.log_of("P01", 0).parent, True, device.advance)
-        made.append(board)
-        who = person(generator(1, 4, 0), PersonModel())
-        return study, study.session("P01", 0, ElementBoard(board, load, attendant, who))
+        folder, who = study.log_of("P01", 0).parent, person(generator(1, 4, 0), PersonModel())
+        made.append(ElementBoard(device, folder, True, device.advance, load, attendant, who))
+        return study, study.session("P01", 0, made[-1])
 
     yield begin
     for board in made:
@@ -98,7 +96,7 @@ def test_both_elements_are_confirmed_played_and_replayed(session_of, simulated_e
     assert math.degrees(middle["inputs"]["theta_rad"]) > 15
     frames = [s for e in told(session, "frames") if e["trial"] == 1 for s in e["samples"]]
     assert max(abs(s[1]) for s in frames) < math.radians(15)
-    session.source.inner.close()
+    session.source.close()
     path = session.log.path
     for inputs in (None, BoardInputs(path)):
         scenes = list(replay(path, (), inputs))

@@ -143,7 +143,7 @@ def codes_of(folder: Path) -> list[str]:
 def run(study: StudyFolder, code: str, number: int = 0, seed: int = 3) -> None:
     session = study.session(code, number, RealPerson(seed))
     session.run()
-    study.finish(code, number, session)
+    study.finish(session)
     session.close()
 
 

@@ -64,7 +64,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
         "interaction": of_tasks(TRACKING, pong),
     }[of]
     plain, shown = headless(tmp_path / "plain", asked), study_of(tmp_path / "shown", asked)
-    conductor = Conductor(shown, "P01", 0, SimulatedSource(3), math.inf)
+    conductor = Conductor(shown, shown.session("P01", 0, SimulatedSource(3)), math.inf)
     _, operator = windows(conductor, language="de")
     conductor.start()
     qtbot.waitUntil(lambda: conductor.over, timeout=120_000)
@@ -125,7 +125,8 @@ def test_a_stopped_session_goes_on_as_if_it_had_not_been(begin, windows, tmp_pat
     conductor.arrive()
     conductor.stop("lunch")
     ended(conductor)
-    again = Conductor(conductor.study, "P01", 0, SimulatedSource(3), math.inf)
+    study = conductor.study
+    again = Conductor(study, study.session("P01", 0, SimulatedSource(3)), math.inf)
     _, operator = windows(again)
     operator.refresh()
     assert [operator.trials.item(4, k).text() for k in (1, 5)] == ["aborted", "lunch"]
@@ -324,7 +325,7 @@ def test_both_windows_say_what_is_simulated_or_a_rehearsal(
     if real and not rehearsed:
         source.simulated = False
     log = study.new_rehearsal(0) if rehearsed else None
-    conductor = Conductor(study, "P01", 0, source, math.inf, rehearsal=log)
+    conductor = Conductor(study, study.session("P01", 0, source, rehearsal=log), math.inf)
     participant, operator = windows(conductor, language="de")
     assert operator.windowTitle().startswith(f"{mark} - P01" if mark else "P01")
     assert (operator.bar.badge.text(), operator.bar.badge.isVisible()) == (mark, bool(mark))

@@ -307,7 +307,7 @@ def test_a_rehearsal_uses_nothing_up(real):
     log = real.new_rehearsal(0)
     session = real.session("P07", 0, SimulatedSource(1), rehearsal=log)
     assert session.run() == ""
-    real.finish("P07", 0, session)
+    real.finish(session)
     session.close()
     assert session.rehearsal
     assert all(r["rehearsal"] and r["simulated"] for r in session.state.past)

@@ -79,7 +79,7 @@ def operator(feed, live, tmp_path):
     from esea_host.windows.study.operator import OperatorWindow
 
     study = study_of(tmp_path / "s", of_tasks(TRACKING))
-    conductor = Conductor(study, "P01", 0, SimulatedSource(3))
+    conductor = Conductor(study, study.session("P01", 0, SimulatedSource(3)))
     conductor.advice, conductor.said = (LONG,), LONG
     window = OperatorWindow(conductor, study.protocol.words("de"))
     conductor.start()  # a session that is not run keeps its folder

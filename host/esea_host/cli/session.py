@@ -32,9 +32,8 @@ if TYPE_CHECKING:
     from esea_host.connection import ConnectedDevice
     from esea_host.people.hand import Pointer
     from esea_host.people.person import VirtualParticipant
-    from esea_host.study.board import BoardSource
     from esea_host.study.folder import StudyFolder
-    from esea_host.study.session import SessionState
+    from esea_host.study.session import SessionState, StudySession
     from esea_host.study.source import InputSource
     from esea_host.wrist.virtual import VirtualPerson
 
@@ -68,7 +67,12 @@ MassOption = Annotated[
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _AskedSession:
+    """What was asked for; number: of the session, from 0."""
+
+    study: StudyFolder
+    code: str
+    number: int
     device: str
     key: Path | None
     arm: bool
@@ -87,11 +91,158 @@ class _Asked:
     rehearsal: bool
     opening: str
 
-    @property
-    def recorded(self) -> dict[str, Any]:
-        """With what resume goes on."""
-        names = ("device", "seed", "arm", "mass", "lever")
-        return {n: x for n in names if (x := getattr(self, n)) is not None}
+    def run(self) -> None:
+        if self.key is not None and self.device in (SIMULATED, VIRTUAL, POINTER):
+            raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
+        if self.headless and self.device == POINTER:
+            raise UserError("Without a window nobody can point.", "Leave --headless out.")
+        if not self.headless:
+            need_a_screen("esea-host study run --headless")
+        pointed = [(0.0, 0.0)]
+        try:
+            with ExitStack() as held:
+                source, board = self._source(held, lambda: pointed[0])
+                if not self.rehearsal and (told := self.study.disclose(self.code, self.opening)):
+                    out.print(told)
+                session = self._opened(source)
+                if self.headless:
+                    state, reason = self._without_windows(session)
+                else:
+                    state, reason = self._in_windows(session, board, pointed)
+        except OSError as error:
+            raise UserError(
+                f"{self.log}: cannot be written ({error.strerror or error}).",
+                "What was written before is whole; make room, then go on with study resume.",
+            ) from None
+        if not self.rehearsal and self.device != SIMULATED and self.study.protocol.file.groups:
+            _name_recordings(self.study)
+        done = len(state.plan.trials) - len(state.remaining)
+        whose = "REHEARSAL: " if self.rehearsal else ""
+        whose += "Simulated participant: " if state.simulated else ""
+        out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
+        if reason:
+            raise UserError(
+                f"The session ended early: {reason.rstrip('.')}.",
+                "It can be gone on with: resume.",
+            )
+
+    def _opened(self, source: InputSource) -> StudySession:
+        # Simulated people need no washout.
+        day = None if self.study.simulated else date.today().toordinal()
+        log = self.log if self.rehearsal else None
+        names = ("device", "seed", "arm", "mass", "lever")  # with which resume goes on
+        device = {n: x for n in names if (x := getattr(self, n)) is not None}
+        return self.study.session(self.code, self.number, source, day, self.early, log, device)
+
+    def _without_windows(self, session: StudySession) -> tuple[SessionState, str]:
+        try:
+            reason = session.run()
+            self.study.finish(session)
+        finally:
+            session.close()
+        return session.state, reason
+
+    def _in_windows(
+        self,
+        session: StudySession,
+        board: ConnectedDevice | None,
+        pointed: list[tuple[float, float]],
+    ) -> tuple[SessionState, str]:
+        from esea_host.study.conductor import Conductor
+        from esea_host.windows.study.running import run_windows
+
+        # A board has its own clock: it is waited for anyhow.
+        speed = self.speed if board is None else math.inf
+        conductor = Conductor(self.study, session, speed, self.hold)
+
+        def point(place: tuple[float, float]) -> None:
+            pointed[0] = place
+
+        run_windows(conductor, board, self.language, self.dark, self.patch, self.close, point)
+        if conductor.error is not None:
+            raise conductor.error
+        if conductor.display is not None and (seen := conductor.display.take(True))["intervals"]:
+            late = ", ".join(f"{k} %: {seen[f'interval_p{k}_ms']} ms" for k in (50, 99, 100))
+            lost = f"{seen['dropped']} of {seen['intervals']} frames dropped"
+            out.print(
+                f"Participant's window: {lost} at {seen['refresh_Hz']:g} Hz; intervals {late}."
+            )
+        return conductor.state, conductor.reason
+
+    def _source(
+        self, held: ExitStack, pointer: Pointer
+    ) -> tuple[InputSource, ConnectedDevice | None]:
+        from esea_host.study.source import SimulatedSource
+
+        if self.device == SIMULATED:
+            return SimulatedSource(self.seed), None
+        if self.device in (VIRTUAL, POINTER):
+            source = self._virtual(pointer if self.device == POINTER else None)
+            held.callback(source.close)
+            return source, None
+        from esea_host.cli.study import device_at
+        from esea_host.connection import open_device
+        from esea_host.study.board import BoardSource
+        from esea_host.study.fitting import DeviceSignals, uses_of
+
+        uses = uses_of(self.study.protocol)
+        if self.device.startswith("sim:"):
+            device = device_at(self.device)
+            DeviceSignals(device).must_fit(uses)
+            if all(task.name.startswith("wrist.") for task, _ in uses) and device.laws:
+                source = self._worn(None, device)
+                held.callback(source.close)
+                return source, None
+        board = held.enter_context(open_device(self.device, key=self.key))
+        DeviceSignals(board.identity.device).must_fit(uses)
+        if all(task.name.startswith(INTERACTION) for task, _ in uses):
+            source = self._with_element(board)
+        else:
+            source = BoardSource(board, self.log.parent, self.arm)
+        held.callback(source.close)
+        return source, board
+
+    def _with_element(self, board: ConnectedDevice) -> InputSource:
+        from esea_gen.studies.torque_check.procedure import KnownLoad
+        from esea_host.interaction.on_board import ElementBoard, process_hands
+
+        if (self.mass is None) != (self.lever is None):
+            raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
+        given: dict[str, Any] = {}
+        if self.mass is not None and self.lever is not None:
+            given["known"] = KnownLoad(self.mass, self.lever)
+        if board.address is not None and board.address.kind == "sim":
+            given |= {"hands": process_hands(board), "who": self._person()}
+        return ElementBoard(board, self.log.parent, self.arm, **given)
+
+    def _virtual(self, pointer: Pointer | None) -> InputSource:
+        from esea_host.interaction.virtual import RigSource
+
+        tasks = {b.task for s in self.study.protocol.file.session for b in s.block}
+        made: dict[str, Callable[[], InputSource]] = {
+            "wrist.": lambda: self._worn(pointer),
+            INTERACTION: lambda: RigSource(self._person(), self.log.parent, pointer),
+        }
+        for prefix, make in made.items():
+            if all(t.startswith(prefix) for t in tasks):
+                return make()
+        raise UserError(
+            f"There is no virtual device for {', '.join(sorted(tasks))}.",
+            f"There is one for tasks that begin with {' or '.join(made)}; else --device simulated.",
+        )
+
+    def _person(self) -> VirtualParticipant:
+        # As study virtual has them; what they learnt in an earlier session is not known here.
+        from esea_host.people.person import PersonModel, person
+        from esea_host.study.plan import generator
+
+        index = self.study.participants().get(self.code, 0)
+        return person(generator(self.seed, 4, index), PersonModel())
+
+    def _worn(self, pointer: Pointer | None, device: Device | None = None) -> VirtualPerson:
+        from esea_host.wrist.virtual import VirtualPerson
+
+        return VirtualPerson(self._person(), self.log.parent, pointer, device)
 
 
 @study_app.command(
@@ -163,11 +314,10 @@ def run(
         device = _device(study, device, former.get("device"), rehearsal)
         arm, seed = arm or bool(former.get("arm")), former.get("seed", 1) if seed is None else seed
         mass, lever = mass or former.get("mass"), lever or former.get("lever")
-        asked = _Asked(
-            device, key, arm, headless, seed, speed, language, patch, dark, close, hold, early,
-            mass, lever, path, rehearsal, opening,
-        )  # fmt: skip
-        _run(study, code, session, asked)
+        _AskedSession(
+            study, code, session - 1, device, key, arm, headless, seed, speed, language, patch,
+            dark, close, hold, early, mass, lever, path, rehearsal, opening,
+        ).run()  # fmt: skip
 
 
 def _recorded(path: Path) -> dict[str, Any]:
@@ -217,89 +367,6 @@ def _remains(path: Path) -> bool:
     return True
 
 
-def _run(study: StudyFolder, code: str, number: int, asked: _Asked) -> None:
-    if asked.key is not None and asked.device in (SIMULATED, VIRTUAL, POINTER):
-        raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
-    if asked.headless and asked.device == POINTER:
-        raise UserError("Without a window nobody can point.", "Leave --headless out.")
-    if not asked.headless:
-        need_a_screen("esea-host study run --headless")
-    pointed = [(0.0, 0.0)]
-    try:
-        with ExitStack() as held:
-            source, board = _source(held, study, code, number, asked, lambda: pointed[0])
-            if not asked.rehearsal and (told := study.disclose(code, asked.opening)):
-                out.print(told)
-            if asked.headless:
-                state, reason = _headless(study, code, number - 1, source, asked)
-            else:
-                given = study, code, number - 1, source, board, asked, pointed
-                state, reason = _in_windows(*given)
-    except OSError as error:
-        raise UserError(
-            f"{asked.log}: cannot be written ({error.strerror or error}).",
-            "What was written before is whole; make room, then go on with study resume.",
-        ) from None
-    if not asked.rehearsal and asked.device != SIMULATED and study.protocol.file.groups:
-        _name_recordings(study)
-    done = len(state.plan.trials) - len(state.remaining)
-    whose = "REHEARSAL: " if asked.rehearsal else ""
-    whose += "Simulated participant: " if state.simulated else ""
-    out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
-    if reason:
-        raise UserError(
-            f"The session ended early: {reason.rstrip('.')}.", "It can be gone on with: resume."
-        )
-
-
-def _headless(
-    study: StudyFolder, code: str, number: int, source: InputSource, asked: _Asked
-) -> tuple[SessionState, str]:
-    session = study.session(code, number, source, *_opening(study, asked))
-    try:
-        reason = session.run()
-        study.finish(code, number, session)
-    finally:
-        session.close()
-    return session.state, reason
-
-
-def _opening(study: StudyFolder, asked: _Asked) -> tuple[Any, ...]:
-    # Simulated people need no washout.
-    day = None if study.simulated else date.today().toordinal()
-    return day, asked.early, asked.log if asked.rehearsal else None, asked.recorded
-
-
-def _in_windows(
-    study: StudyFolder,
-    code: str,
-    number: int,
-    source: InputSource,
-    board: ConnectedDevice | None,
-    asked: _Asked,
-    pointed: list[tuple[float, float]],
-) -> tuple[SessionState, str]:
-    from esea_host.study.conductor import Conductor
-    from esea_host.windows.study.running import run_windows
-
-    # A board has its own clock: it is waited for anyhow.
-    speed = asked.speed if board is None else math.inf
-    given = study, code, number, source, speed, asked.hold
-    conductor = Conductor(*given, *_opening(study, asked))
-
-    def point(place: tuple[float, float]) -> None:
-        pointed[0] = place
-
-    run_windows(conductor, board, asked.language, asked.dark, asked.patch, asked.close, point)
-    if conductor.error is not None:
-        raise conductor.error
-    if conductor.display is not None and (seen := conductor.display.take(True))["intervals"]:
-        late = ", ".join(f"{k} %: {seen[f'interval_p{k}_ms']} ms" for k in (50, 99, 100))
-        lost = f"{seen['dropped']} of {seen['intervals']} frames dropped"
-        out.print(f"Participant's window: {lost} at {seen['refresh_Hz']:g} Hz; intervals {late}.")
-    return conductor.state, conductor.reason
-
-
 def _name_recordings(study: StudyFolder) -> None:
     # What the rig or the board has recorded, for analyse interaction.
     from esea_host.interaction.recordings import cut_trials, recording_name
@@ -308,95 +375,3 @@ def _name_recordings(study: StudyFolder) -> None:
     cut_trials(study)
     if any(study.path.glob(f"*/session-*/{recording_name('*')}")):
         write_manifest(study.path, LAST_S)
-
-
-def _source(
-    held: ExitStack, study: StudyFolder, code: str, number: int, asked: _Asked, pointer: Pointer
-) -> tuple[InputSource, ConnectedDevice | None]:
-    from esea_host.study.source import SimulatedSource
-
-    if asked.device == SIMULATED:
-        return SimulatedSource(asked.seed), None
-    folder = asked.log.parent
-    if asked.device in (VIRTUAL, POINTER):
-        by_hand = pointer if asked.device == POINTER else None
-        source = _virtual(study, code, folder, asked.seed, by_hand)
-        held.callback(source.close)
-        return source, None
-    from esea_host.cli.study import device_at
-    from esea_host.connection import open_device
-    from esea_host.study.board import BoardSource
-    from esea_host.study.fitting import DeviceSignals, uses_of
-
-    uses, simulated = uses_of(study.protocol), asked.device.startswith("sim:")
-    if simulated:
-        device = device_at(asked.device)
-        DeviceSignals(device).must_fit(uses)
-        if all(task.name.startswith("wrist.") for task, _ in uses) and device.laws:
-            source = _worn(study, code, folder, asked.seed, None, device)
-            held.callback(source.close)
-            return source, None
-    board = held.enter_context(open_device(asked.device, key=asked.key))
-    DeviceSignals(board.identity.device).must_fit(uses)
-    source = BoardSource(board, folder, asked.arm)
-    held.callback(source.close)
-    if all(task.name.startswith(INTERACTION) for task, _ in uses):
-        return _of_element(source, study, code, asked), board
-    return source, board
-
-
-def _of_element(source: BoardSource, study: StudyFolder, code: str, asked: _Asked) -> InputSource:
-    from esea_gen.studies.torque_check.procedure import KnownLoad
-    from esea_host.interaction.on_board import ElementBoard, process_hands
-
-    if (asked.mass is None) != (asked.lever is None):
-        raise UserError("A known load is a mass on a lever.", "Give both --mass and --lever.")
-    known = None
-    if asked.mass is not None and asked.lever is not None:
-        known = KnownLoad(asked.mass, asked.lever)
-    address = source.device.address
-    if address is None or address.kind != "sim":
-        return ElementBoard(source, known)
-    return ElementBoard(
-        source, known, process_hands(source.device), _person(study, code, asked.seed)
-    )
-
-
-def _virtual(
-    study: StudyFolder, code: str, folder: Path, seed: int, pointer: Pointer | None
-) -> InputSource:
-    from esea_host.interaction.virtual import RigSource
-
-    tasks = {b.task for s in study.protocol.file.session for b in s.block}
-    made: dict[str, Callable[[], InputSource]] = {
-        "wrist.": lambda: _worn(study, code, folder, seed, pointer),
-        INTERACTION: lambda: RigSource(_person(study, code, seed), folder, pointer),
-    }
-    for prefix, make in made.items():
-        if all(t.startswith(prefix) for t in tasks):
-            return make()
-    raise UserError(
-        f"There is no virtual device for {', '.join(sorted(tasks))}.",
-        f"There is one for tasks that begin with {' or '.join(made)}; else --device simulated.",
-    )
-
-
-def _person(study: StudyFolder, code: str, seed: int) -> VirtualParticipant:
-    # As study virtual has them; what they learnt in an earlier session is not known here.
-    from esea_host.people.person import PersonModel, person
-    from esea_host.study.plan import generator
-
-    return person(generator(seed, 4, study.participants().get(code, 0)), PersonModel())
-
-
-def _worn(
-    study: StudyFolder,
-    code: str,
-    folder: Path,
-    seed: int,
-    pointer: Pointer | None,
-    device: Device | None = None,
-) -> VirtualPerson:
-    from esea_host.wrist.virtual import VirtualPerson
-
-    return VirtualPerson(_person(study, code, seed), folder, pointer, device)

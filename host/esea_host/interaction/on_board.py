@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,6 @@ from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.recorded import MIDDLE
 from esea_host.study.scene import Scene
-from esea_host.study.source import Gauge, InputSource
 from esea_host.study.task import Actor, Inputs, Situation, StudyTask, TaskSignal, task_named
 from esea_host.study.words import keyed
 
@@ -50,29 +50,25 @@ def process_hands(board: ConnectedDevice) -> ElementHands:
     return lambda word, number: None if word == "spring" else act(word, number)
 
 
-class ElementBoard(InputSource):
+class ElementBoard(BoardSource):
     """A board with one of the study's elements in its coupling."""
 
     def __init__(
         self,
-        inner: BoardSource,
+        device: ConnectedDevice,
+        folder: Path | None,
+        drive: bool = False,
+        advance: Callable[[float], None] | None = None,
         known: KnownLoad | None = None,
         hands: ElementHands | None = None,
         who: VirtualParticipant | None = None,
     ) -> None:
-        self.inner, self.hands, self.who = inner, hands, who
+        super().__init__(device, folder, drive, advance)
+        self.hands, self.who = hands, who
         self.known = known or (SIMULATED_LOAD if hands is not None else None)
         self.middle_rad = math.nan
         self._aims = [0.0]
-        self._confirmed = self._state = ""
-
-    @property
-    def simulated(self) -> bool:
-        return self.inner.simulated
-
-    def ready(self) -> Mapping[str, Any]:
-        self.inner.listen_to(self)
-        return self.inner.ready()
+        self._confirmed = ""
 
     def before(self, trial: PlannedTrial) -> str:
         """Confirm the element where it is another one than in the trial before."""
@@ -94,7 +90,6 @@ class ElementBoard(InputSource):
     # -- the element -------------------------------------------------------------------------------
 
     def _confirm(self, element: str, stiffness_Nm_deg: float, number: int) -> str:
-        inner, device = self.inner, self.inner.device
         if self.known is None:
             raise UserError(
                 f"The {element} is confirmed by a known mass, and none is given.",
@@ -103,30 +98,30 @@ class ElementBoard(InputSource):
         self._motor_off()
         if self.hands is not None:
             self.waits(keyed("advice.building_in", element=keyed(f"element.{element}")))
-            spring = spring_Nm_rad(device.identity.device, element, stiffness_Nm_deg)
+            spring = spring_Nm_rad(self.device.identity.device, element, stiffness_Nm_deg)
             self.hands("spring", spring)
         means = self._phases(self.known)
         if self.hands is not None:
             self.hands("let-go", 0.0)
         if why := self.ask():
             return why
-        given = device.identity.device, element, self.known, means, stiffness_Nm_deg
+        given = self.device.identity.device, element, self.known, means, stiffness_Nm_deg
         finding = judge(*given)
-        self.say("element", trial=number, simulated=device.simulated, **finding.to_dict())
+        self.say("element", trial=number, simulated=self.simulated, **finding.to_dict())
         if finding.problem:
             return finding.problem
-        self._state, ready = "", dict(inner.ready())
+        ready = dict(self.ready())
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
     def _motor_off(self) -> None:
-        device, until_s = self.inner.device, self.inner.now_s() + 5.0
+        device, until_s = self.device, self.now_s() + 5.0
         if device.state() in WORKING:
             device.disarm()
         while (state := device.state()) in WORKING:
-            if self.inner.now_s() > until_s:
+            if self.now_s() > until_s:
                 raise UserError(f"The board stays {state}.", "Switch the motor off.")
-            self.inner.pull()
+            self.pull()
         self._state = state
 
     def _pull(self) -> None:
@@ -134,7 +129,7 @@ class ElementBoard(InputSource):
         tries = round(SILENT_S) if self.hands is not None else 1
         for left in range(tries, 0, -1):
             try:
-                self.inner.pull()
+                self.pull()
             except UserError:
                 if left == 1 or self.ask():
                     raise
@@ -142,8 +137,8 @@ class ElementBoard(InputSource):
                 return
 
     def _phases(self, known: KnownLoad) -> list[float]:
-        device = self.inner.device
-        tap = self.inner.signals.tap(TaskSignal("theta_rad"))
+        device = self.device
+        tap = self.signals.tap(TaskSignal("theta_rad"))
         assert tap is not None  # every board tells its deflection
         queue = device.subscribe([tap.stream])
         signs, means = (0, 1, 0, -1, 0), list[float]()
@@ -162,9 +157,9 @@ class ElementBoard(InputSource):
         return means
 
     def _settled(self, queue: Any, column: str, phase: str, means: Sequence[float]) -> float:
-        file = self.inner.device.identity.device.file
+        file = self.device.identity.device.file
         count = 2 * math.pi / 2 ** round(file.encoder.resolution_bits.value)
-        until_s, latest = self.inner.now_s() + LONGEST_S, deque[float](maxlen=round(1e3 * STILL_S))
+        until_s, latest = self.now_s() + LONGEST_S, deque[float](maxlen=round(1e3 * STILL_S))
         while not self.ask():
             self._pull()
             for batch in queue.take(0.0):
@@ -174,7 +169,7 @@ class ElementBoard(InputSource):
                 mean = float(np.mean(there))
                 if _is_there(mean, means, LEAST_COUNTS * count):
                     return mean
-            if self.inner.now_s() > until_s:
+            if self.now_s() > until_s:
                 raise UserError(
                     f"Within {LONGEST_S:g} s the coupling was not {phase} and still.",
                     "Load it as asked, then go on with study resume.",
@@ -184,8 +179,7 @@ class ElementBoard(InputSource):
     # -- the angle's middle ------------------------------------------------------------------------
 
     def _take_middle(self) -> None:
-        inner = self.inner
-        angle = next(g for g in inner.gauges() if g.name.startswith("angle"))
+        angle = next(g for g in self.gauges() if g.name.startswith("angle"))
         low, high = math.radians(angle.low) + ROOM_RAD, math.radians(angle.high) - ROOM_RAD
         now = math.radians(angle.value)
         if low > high:
@@ -204,20 +198,20 @@ class ElementBoard(InputSource):
         at = []
         for _ in range(round(100 * MIDDLE_S)):
             self._frame()
-            at.append(next(g.value for g in inner.gauges() if g.name.startswith("angle")))
+            at.append(next(g.value for g in self.gauges() if g.name.startswith("angle")))
         held = math.radians(float(np.mean(at)))
         self.middle_rad = min(max(held, low), high)
         self.say(MIDDLE, inputs={"theta_rad": self.middle_rad}, held_rad=held)
 
     def _frame(self) -> None:
-        self.inner.want({})
-        self.inner.pull()
+        self.want({})
+        self.pull()
 
     # -- trials ------------------------------------------------------------------------------------
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         """Whoever wears the board, or plays by the hands."""
-        actor = self.inner.trial(task, situation, number)
+        actor = super().trial(task, situation, number)
         player, hands = None, self.hands
         if self.who is not None and hands is not None:
 
@@ -227,28 +221,6 @@ class ElementBoard(InputSource):
 
             player = RigPlayer(self.who, advance, self._aims, situation, lambda: self.paused)
         return _Centred(actor, self.middle_rad, player)
-
-    def over(self, number: int, state: str) -> None:
-        self.inner.over(number, state)
-
-    def rest(self, seconds: float) -> None:
-        self.inner.rest(seconds)
-
-    def now_s(self) -> float:
-        return self.inner.now_s()
-
-    def status(self) -> str:
-        """As the board's, the motor off while the element is loaded."""
-        return self._state or self.inner.status()
-
-    def broken(self) -> str:
-        return self.inner.broken()
-
-    def tick_s(self) -> float | None:
-        return self.inner.tick_s()
-
-    def gauges(self) -> tuple[Gauge, ...]:
-        return self.inner.gauges()
 
 
 def _is_there(mean: float, means: Sequence[float], least: float) -> bool:

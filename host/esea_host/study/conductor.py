@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,8 @@ from esea_host.study.edge import longest_trial_s
 from esea_host.study.folder import StudyFolder
 from esea_host.study.plan import PlannedTrial
 from esea_host.study.scene import Scene, Text
-from esea_host.study.session import ABORTED, PENDING, RUNNING, SessionState
-from esea_host.study.source import InputSource, SessionWatcher, TrialOnly
+from esea_host.study.session import ABORTED, PENDING, RUNNING, SessionState, StudySession
+from esea_host.study.source import SessionWatcher, TrialOnly
 from esea_host.study.task import TaskStep
 from esea_host.study.words import keyed
 
@@ -124,27 +123,19 @@ class Conductor(SessionWatcher):
     def __init__(
         self,
         study: StudyFolder,
-        code: str,
-        number: int,
-        source: InputSource,
+        session: StudySession,
         speed: float = 1.0,
         hold: bool = False,
-        day: int | None = None,
-        early: str = "",
-        rehearsal: Path | None = None,
-        device: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
-        self.study, self.code, self.number, self.hold = study, code, number, hold
-        self.source, self.speed = source, speed
-        self._session = study.session(code, number, source, day, early, rehearsal, device)
-        session = self._session
+        self.study, self.source, self.speed, self.hold = study, session.source, speed, hold
+        self._session, self.plan = session, session.state.plan
+        self.code, self.number = session.state.participant, self.plan.session
         marks = {"rehearsal": session.rehearsal, "simulated": session.simulated or study.simulated}
         # Both windows show it all the time.
         self.banner = "_".join(m for m, on in marks.items() if on)
-        self.plan = self._session.state.plan
-        self.states: Mapping[int, str] = dict(self._session.state.states)
-        self.reasons: Mapping[int, str] = dict(self._session.state.reasons)
+        self.states: Mapping[int, str] = dict(session.state.states)
+        self.reasons: Mapping[int, str] = dict(session.state.reasons)
         self.phase, self.trial, self.trial_s = STARTING, None, 0.0
         self.shown, self.rest_until_s = ShownScene(Scene()), 0.0
         self.advice: tuple[str, ...] = ()
@@ -287,7 +278,7 @@ class Conductor(SessionWatcher):
             self._write_remarks()
             if self.display is not None:
                 session.say("display", trial=None, **self.display.take(True))
-            self.study.finish(self.code, self.number, session)
+            self.study.finish(session)
         except Exception as error:
             # A full disk, for one; whoever holds the conductor sees it.
             self.error = error

@@ -138,7 +138,7 @@ def shared_rows(study: StudyFolder, labels: bool = False) -> list[dict[str, Any]
 def omissions(study: StudyFolder) -> list[str]:
     """What neither exports nor analyses use, and why: a line each."""
     found, gone = list[str](), {}
-    entries = study.audited_anyway()
+    entries = study.audited(strict=False)
     if rehearsed := sum(kind == "rehearsal" for kind, _ in entries):
         found.append(f"rehearsals: {rehearsed}, which count for nobody")
     for data in (d for k, d in entries if k == "repair"):

@@ -27,7 +27,7 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.records import AUDIT, check_record, consent_date, ends, lack, program, renamed
+from esea_host.study.records import AUDIT, check_record, consent_date, lack, program, renamed
 from esea_host.study.session import SessionState, StudySession, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
@@ -89,7 +89,7 @@ class StudyFolder:
 
     def content_at_first(self) -> Mapping[str, str]:
         """As :meth:`content` when the study was created; empty where it was not recorded."""
-        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        created = next((d for k, d in self.audited(strict=False) if k == "created"), {})
         content = created.get("content")
         return content if isinstance(content, dict) else {}
 
@@ -154,12 +154,9 @@ class StudyFolder:
             raise UserError(f"{path}: {told}.", "Restore the file from a copy.")
         return [e for e in self._entries if e.number not in wrong]
 
-    def audited(self) -> list[tuple[str, Mapping[str, Any]]]:
-        return [(e.kind, e.data) for e in self.trail()]
-
-    def audited_anyway(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """As :meth:`audited`, of a broken record too: what can be read of it."""
-        return [(e.kind, e.data) for e in self.trail(strict=False)]
+    def audited(self, strict: bool = True) -> list[tuple[str, Mapping[str, Any]]]:
+        """Kind and data of each entry of :meth:`trail`."""
+        return [(e.kind, e.data) for e in self.trail(strict)]
 
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
@@ -191,7 +188,14 @@ class StudyFolder:
 
     def ends(self) -> dict[tuple[str, int], set[str]]:
         """Of each session that has begun: the last hashes that it had whenever it ended."""
-        return ends(self.audited_anyway())
+        found: dict[tuple[str, int], set[str]] = {}
+        for kind, d in self.audited(strict=False):
+            if kind in ("session_start", "session_end"):
+                known = found.setdefault((d["participant"], d["session"]), set())
+                known |= {d["head"]} if kind == "session_end" else set()
+            elif kind == "repair":  # its end may be in the part that was moved aside
+                found.pop((str(d.get("participant", "")), d.get("session", 0)), None)
+        return found
 
     def missing(self) -> list[tuple[str, int]]:
         """Sessions that have begun and have no log."""
@@ -221,7 +225,7 @@ class StudyFolder:
         return {code: k for k, code in enumerate(codes)}
 
     def _with(self, kind: str) -> set[str]:
-        return {d["participant"] for k, d in self.audited_anyway() if k == kind}
+        return {d["participant"] for k, d in self.audited(strict=False) if k == kind}
 
     def enrol(
         self,
@@ -420,16 +424,18 @@ class StudyFolder:
                 "Come back then, or say why not.",
             )
 
-    def finish(self, code: str, number: int, session: StudySession) -> None:
-        if not session.rehearsal:
-            self.record("session_end", participant=code, session=number, head=session.log.head)
+    def finish(self, session: StudySession) -> None:
+        state = session.state
+        if not state.rehearsal:
+            who = {"participant": state.participant, "session": state.plan.session}
+            self.record("session_end", **who, head=session.log.head)
 
     # -- groups -------------------------------------------------------------------------------
 
     @property
     def key(self) -> bytes:
         """The secret key of codes, orders and sealed values."""
-        created = next((d for k, d in self.audited_anyway() if k == "created"), {})
+        created = next((d for k, d in self.audited(strict=False) if k == "created"), {})
         key = study_key(self.path, make="key" not in created)
         if created.get("key", fingerprint(key)) != fingerprint(key):
             raise UserError(
@@ -468,7 +474,7 @@ class StudyFolder:
 
     def blinded(self, role: str) -> bool:
         """Whether a role is blinded by the protocol, and has not been unblinded."""
-        unblinded = {d["role"] for k, d in self.audited_anyway() if k == "unblind"}
+        unblinded = {d["role"] for k, d in self.audited(strict=False) if k == "unblind"}
         return role in self.protocol.file.blinded and role not in unblinded
 
     def group_shown(self, code: str, to: str) -> str:

@@ -92,9 +92,6 @@ class InputSource(ABC):
     def simulated(self) -> bool:
         """Whether no real person, or no real device, is behind it."""
 
-    def listen_to(self, other: InputSource) -> None:
-        self.ask, self.waits, self.say = other.ask, other.waits, other.say
-
     @abstractmethod
     def ready(self) -> Mapping[str, Any]:
         """Check zero and limits; a key ``problem`` keeps the session from starting."""
