@@ -22,7 +22,7 @@ def drawn(p: Port, rng: np.random.Generator, scale: np.ndarray) -> np.ndarray:
     kind = rng.random(shape)
     x = np.where(kind < 0.75, scale * wide, np.where(kind < 0.9, wide, ends))
     if p.unit == "1":  # mostly a mode, a place, or whether something is so
-        x = np.where(rng.random(shape) < 0.7, np.rint(wide), x)
+        x = np.where((rng.random(shape) < 0.7) | (p.kind == "flag"), np.rint(wide), x)
     return np.clip(x, p.low, p.high)
 
 
@@ -134,10 +134,7 @@ def stays_in_range(block, runner, draw) -> None:
     """Whatever the inputs and the state: every output is a number in its range."""
     value = st.one_of(st.sampled_from(SPECIAL), st.floats(-50, 50, width=32))
     inputs = {p.name: draw(st.lists(value, min_size=6, max_size=6)) for p in block.inputs}
-    state = runner.state
-    for p in block.state:
-        state[p.name] = draw(value)
-    runner.state = state
+    runner.put_state({p.name: draw(value) for p in block.state})
     y, _ = runner.run({k: np.array(v) for k, v in inputs.items()})
     for p in block.outputs:
         assert np.all((y[p.name] >= p.low) & (y[p.name] <= p.high)), p.name

@@ -72,7 +72,7 @@ class _Adaptation:
             around("wish_loss", 1.01 * loss, "in force"),
             around("wish_offset_Nm", 1.01 * offset, "in force"),
             around("stop_wish_Nm", 1.01 * (tau + STOP_NM), "memory of the wish's stop operator"),
-            Port("wished", 0.0, 1.0, "1 once there was a wish"),
+            Port.flag("wished", "1 once there was a wish"),
         )
         self.inputs = (around("tau_desired_Nm", tau, "wanted interaction torque"),)
         self.outputs = (

@@ -83,7 +83,7 @@ class _Impairment:
         self.name = "impairment" if wall else "resistance"
         self.title = f"Simulated impairment: {'wall and ' if wall else ''}resistance"
         self.prepare = lambda t: {n: getattr(t, n) for n in self.names}
-        self.state = (Port("on", 0.0, 1.0, "1 while it acts"),)
+        self.state = (Port.flag("on", "1 while it acts"),)
         self.streams = OwnStreams(events=_events)
 
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
@@ -139,8 +139,8 @@ class _Impairment:
         resting = ca.logic_and(ca.fabs(u.omega_rad_s) <= threshold(REST_RAD_S), guard.inputs_ok)
         may = label("may_switch", ca.logic_and(resting, ca.logic_not(inside)), "no torque jumps")
         asked = u.constrained > 0.5
-        was = s.on > 0.5
-        on = label("on_now", ca.if_else(may, asked, was))
+        kept = ca.logic_and(ca.logic_not(may), s.on)
+        on = label("on_now", ca.logic_or(ca.logic_and(may, asked), kept))
         values = {
             **{THETA: u.theta_rad, OMEGA: u.omega_rad_s, WALL: c.wall_rad},
             **{KP: c.Kp_Nm_rad, KP3: c.Kp3_Nm_rad3, KD: c.Kd_Nms_rad, KV: c.Kv_Nms_rad},

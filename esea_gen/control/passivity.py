@@ -147,7 +147,7 @@ class _Passivity:
             ),
             Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
             Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
-            Port("seen", 0.0, 1.0, "1 when the last sample was good"),
+            Port.flag("seen", "1 when the last sample was good"),
         )
         self.inputs = (
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
@@ -187,7 +187,7 @@ class _Passivity:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
-        going = label("going", ca.logic_and(seen, s.seen > 0.5), "two samples in a row are good")
+        going = label("going", ca.logic_and(seen, s.seen), "two samples in a row are good")
         whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients}
         sound = label("tunables_valid", ca.logic_and(*whole.values()), "else the limits latch")
         # A flipped one counts as the strictest until they have.

@@ -95,7 +95,7 @@ class _SetObserver(_SetRates):
         self.tunables = (Tunable("bandwidth_Hz", own, 2.0, self.high, text, "docs/control.md"),)
         self.coefficients = triple_pole_ports(self.h)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             around("held_rad", self.delta_lim, "last valid set-point"),
             around("delta_rad", self.delta_room, "filtered set-point"),
             around("rate_rad_s", self.rate_room, "its rate"),
@@ -145,8 +145,8 @@ class _Differences(_SetRates):
     def __init__(self, device: DeviceData) -> None:
         super().__init__(device)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
-            Port("moving", 0.0, 1.0, "1 once a rate is known"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
+            Port.flag("moving", "1 once a rate is known"),
             around("delta_rad", self.delta_lim, "set-point of the last step"),
             around("rate_rad_s", self.rate_lim, "rate of the last step"),
         )

@@ -103,7 +103,7 @@ class _Trend:
             Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
         )
         self.state: tuple[Port, ...] = (
-            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            Port.flag("primed", "1 once a valid value has been seen"),
             around("last_Nm", self.tau_lim, "wanted torque of the last step"),
             around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
             around("grown_Nm", self.step_lim, "the same without steps", 2),

@@ -100,10 +100,9 @@ def _states(block: Block, kernel: Kernel, base: Callable[[str], str]) -> dict[in
         return _element(base(p.name), ending, p.size, n.source[1])
 
     for i, n in enumerate(kernel.nodes):
-        if n.op in ("select", "if_else_zero"):
-            name = state(n.args[1], "_used")
-            if name:
-                found[i] = name
+        chosen = n.op in ("select", "if_else_zero", "and", "or")
+        if chosen and (name := state(n.args[1], "_used")):
+            found[i] = name
         elif n.op == "and" and all(kernel.nodes[a].op == "le" for a in n.args):
             ends = [a for side in n.args for a in kernel.nodes[side].args]
             names = {name for a in ends if (name := state(a, "_ok"))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
+from typing import Any
 
 from esea_gen.language.block import Block
 
@@ -31,6 +32,12 @@ def bare(text: str) -> str:
         if depth == 0 and i < len(text) - 1:
             return text
     return text[1:-1]
+
+
+def field_type(port: Any, number: str) -> str:
+    """C type of a port's field, where a number has the given one."""
+    whole = getattr(port, "flags", ()) or getattr(port, "kind", "quantity") != "quantity"
+    return "uint32_t" if whole else number
 
 
 @dataclass(frozen=True)

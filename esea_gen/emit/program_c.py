@@ -170,6 +170,7 @@ class _Writer:
                 f"{ports[argument].name}_{element}",
                 f"{pointer}->{ports[argument].name}"
                 + ("" if getattr(ports[argument], "size", 1) == 1 else f"[{element}]"),
+                fmt.c_type,
             )
 
         prepare = None
@@ -350,7 +351,7 @@ class _Writer:
         printed = print_kernel(
             kernel,
             self.fmt,
-            lambda a, e: (f"a{a}_{e}", self.place(s.args[a], e, context)),
+            lambda a, e: (f"a{a}_{e}", self.place(s.args[a], e, context), self.fmt.c_type),
             {},
             words,
         )

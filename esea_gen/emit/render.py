@@ -14,7 +14,7 @@ import jinja2
 
 from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, bare, comment
+from esea_gen.emit.printed import EmittedBlock, bare, comment, field_type
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.emit.wrapping import wrap
@@ -174,10 +174,9 @@ class Renderer:
         return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
     def field(self, port: Any) -> str:
-        if getattr(port, "flags", ()):
-            return f"uint32_t {port.name};"
         size = getattr(port, "size", 1)
-        return f"{self.fmt.c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
+        c_type = field_type(port, self.fmt.c_type)
+        return f"{c_type} {port.name}{'' if size == 1 else f'[{size}]'};"
 
     def counter(self, block: Block, port: Port, flag: Flag, form: str = COUNTER) -> str:
         bit = f"{self.prefix}_{block.name}_{flag.name}".upper()
@@ -269,6 +268,8 @@ def port_text(port: Any) -> str:
         parts.append(f"{port.size} elements")
     if getattr(port, "flags", ()):
         parts.append("bits below")
+    elif isinstance(port, Port) and port.kind == "flag":
+        parts.append("0 or 1")
     else:
         unit = "dimensionless" if port.unit == "1" else port.unit
         parts.append(f"[{unit}], range {port.low:.9g} to {port.high:.9g}")

@@ -155,6 +155,17 @@ def labelled_kernel(
     return prune(kernel), labels
 
 
+def checked_flag(kernel: Kernel, n: Node) -> int:
+    """The input of which a node checks that it is from 0 to 1, as ``port_ok`` does; else -1."""
+    sides = [kernel.nodes[a] for a in n.args] if n.op == "and" else []
+    if [s.op for s in sides] != ["le", "le"]:
+        return -1
+    (x, high), (low, y) = (s.args for s in sides)
+    ends = [kernel.nodes[i] for i in (low, high)]
+    within = x == y and [(e.op, e.value) for e in ends] == [("const", 0.0), ("const", 1.0)]
+    return x if within and kernel.nodes[x].op == "input" else -1
+
+
 def use_counts(kernel: Kernel) -> list[int]:
     uses = [0] * len(kernel.nodes)
     for n in kernel.nodes:

@@ -18,6 +18,16 @@ Array = npt.NDArray[Any]
 
 INVALID = -(2**31)
 """Raw number of what is not a number or does not fit: no port takes it as valid."""
+CORRUPT = 2**32 - 1
+"""What a flag's field holds for a number outside 0 to 1: no port takes it as valid."""
+
+
+def to_flag(values: Any) -> Array:
+    """What a flag's field holds for numbers: 1 for every valid one but 0; integers as they are."""
+    column = np.asarray(values)
+    if column.dtype.kind in "iu":
+        return column.astype(np.uint32)
+    return np.where((column >= 0) & (column <= 1), column != 0, CORRUPT).astype(np.uint32)
 
 
 def to_raw(values: Any, fraction: int) -> Array:
@@ -49,6 +59,8 @@ class Field:
 
     def encode(self, values: Any) -> Any:
         """What the C holds for numbers in units; whole numbers are raw already."""
+        if self.port.kind == "flag":
+            return to_flag(values)
         if self.fraction is not None and isinstance(values, float):
             return _raw_number(values, self.fraction)
         column = np.asarray(values)

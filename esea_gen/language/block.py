@@ -294,10 +294,16 @@ def _guarded(
 ) -> tuple[SimpleNamespace, SimpleNamespace, Guard]:
     state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
     label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
-    s = {
-        p.name: ca.if_else(state_ok, raw_s[p.name], p.init) if p.repair == "init" else raw_s[p.name]
-        for p in state
-    }
+
+    def repaired(p: Port) -> ca.SX:
+        raw = raw_s[p.name]
+        if p.repair == "block":
+            return raw
+        if p.kind == "quantity":
+            return ca.if_else(state_ok, raw, p.init)
+        return ca.logic_or(ca.logic_not(state_ok), raw) if p.init else ca.logic_and(state_ok, raw)
+
+    s = {p.name: repaired(p) for p in state}
     u, valid = {}, []
     for p in inputs:
         ok = label(f"{p.name}_ok", port_ok(raw_u[p.name], p))

@@ -20,6 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 Status = Literal["published", "identified", "assumed", "derived"]
+Kind = Literal["quantity", "flag"]
 
 
 UNIT_SUFFIXES = {
@@ -178,6 +179,8 @@ class Port:
         Outputs that are one of several numbered reasons: what each number means.
     finer : float
         Outputs: fixed point is planned for a proven error so many times below its general aim.
+    kind : {"quantity", "flag"}
+        A flag is 0 or 1, a condition in C (:meth:`flag`).
     """
 
     name: str
@@ -192,6 +195,7 @@ class Port:
     flags: tuple[Flag, ...] = ()
     codes: tuple[Code, ...] = ()
     finer: float = 1.0
+    kind: Kind = "quantity"
 
     def __post_init__(self) -> None:
         check_name("port", self.name)
@@ -202,6 +206,17 @@ class Port:
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
+
+    @classmethod
+    def flag(cls, name: str, meaning: str, **named: Any) -> Port:
+        """A port that is 0 or 1.
+
+        Parameters
+        ----------
+        name, meaning, **named
+            As in the class.
+        """
+        return cls(name, 0, 1, meaning, kind="flag", **named)
 
     @property
     def unit(self) -> str:

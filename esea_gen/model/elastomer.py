@@ -135,7 +135,7 @@ class _TorqueSensor:
         self.streams = STREAMS
         plays = "play states F_i = theta - E_i of the stop operators"
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
             around("tau_r_Nm", self.tau_lim, "torque of the Maxwell element", equation="(3.3)"),
             around("play_rad", 2 * self.theta_lim, plays, self.stops, "(3.5-3.7)", repair="block"),
@@ -191,8 +191,7 @@ class _TorqueSensor:
         symbols = _symbols_of(p)
 
         # The first valid sample defines where the operators start: E_i(0) = 0, tau_r(0) = 0.
-        primed = ca.logic_and(s.primed, guard.state_ok)
-        primed = label("primed", primed, "0 until a valid sample has been seen")
+        primed = label("primed", s.primed, "0 until a valid sample has been seen")
         theta_prev = ca.if_else(primed, s.theta_prev_rad, u.theta_rad)
         theta_prev = label("theta_last_rad", theta_prev, "theta(k-1)")
         moved = u.theta_rad - theta_prev

@@ -195,7 +195,7 @@ class _Encoder:
             around("turn", TURNS, "whole turns of the encoder"),
             Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
             Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
-            Port("lost", 0, 1, "1 once the reference is lost, until init"),
+            Port.flag("lost", "1 once the reference is lost, until init"),
         )
         angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
         away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
@@ -227,7 +227,7 @@ class _Encoder:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
-        lost = s.lost > 0.5
+        lost = s.lost
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
 

@@ -114,7 +114,7 @@ class _FamilyInverse:
         return clip(theta, -self.theta_lim, self.theta_lim)
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        primed = label("ready", ca.logic_and(s.primed, guard.state_ok), "there is a last set-point")
+        primed = label("ready", s.primed, "there is a last set-point")
         last = label("theta_from_rad", ca.if_else(primed, s.theta_prev_rad, 0), "theta(k-1)")
         wanted = label("request_Nm", clip(u.tau_Nm, -self.tau_lim, self.tau_lim), "clamped request")
         factor = factor_in(c)

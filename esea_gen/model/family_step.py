@@ -149,8 +149,7 @@ class FamilyStep:
         self, s: Any, theta: ca.SX, guard: Guard, label: Labels
     ) -> tuple[dict[str, Any], list[OperatorStep]]:
         # The first valid sample defines where the operators start: nothing is stored in them.
-        primed = ca.logic_and(s.primed, guard.state_ok)
-        primed = label("primed", primed, "0 until a valid sample has been seen")
+        primed = label("primed", s.primed, "0 until a valid sample has been seen")
         last = label("theta_last_rad", ca.if_else(primed, s.theta_prev_rad, theta), "theta(k-1)")
         x = label("x", theta * (1 / self.scale), "deflection over the largest trained one")
         x_last = label("x_last", last * (1 / self.scale), "x(k-1)")
@@ -303,7 +302,7 @@ class FamilyStep:
     def state(self) -> tuple[Port, ...]:
         rested = self.start == "virgin"
         ports = [
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             around("theta_prev_rad", self.theta_lim, "deflection of the last step"),
         ]
         if self.strains:

@@ -88,7 +88,7 @@ class _TrackingObserver:
         text = "bandwidth of the triple pole: higher follows faster and passes more noise"
         self.tunables = (self.bandwidth.tunable("bandwidth_Hz", BANDWIDTH_MIN_HZ, self.high, text),)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             around("theta_hat_rad", 2 * self.theta_lim, f"estimated {self.what}"),
             around("v_rad_s", self.v_lim, "estimated rate"),
             around("a_rad_s2", self.a_lim, "estimated acceleration"),

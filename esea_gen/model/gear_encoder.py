@@ -93,7 +93,7 @@ class _GearEncoder:
             Port("count_last", 0, self.full - 1, "count of the last good frame"),
             around("moved", self.moved_max, "counts turned since the start"),
             Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
-            Port("started", 0.0, 1.0, "1 once there was a good frame"),
+            Port.flag("started", "1 once there was a good frame"),
             around("omega_rad_s", self.rate_lim, "rate of the last step"),
         )
         most = self.moved_max / self.counts_rad * (1 + 1e-6)
@@ -118,7 +118,7 @@ class _GearEncoder:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        started = s.started > 0.5
+        started = s.started
         flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")

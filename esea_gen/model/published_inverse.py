@@ -204,7 +204,7 @@ class _Published:
         ]
         next_state: dict[str, Any] = {"inverse_play_rad": held}
         if self.taps:
-            state = self.forward.of(s) | {"primed": ca.logic_and(s.primed, guard.state_ok)}
+            state = self.forward.of(s)
             last = self.forward.step(state, theta, 0)["label_theta_last_rad"]
             rate = (theta - last) / self.h
             omega = clip(rate, -self.omega_high, self.omega_high)

@@ -51,7 +51,7 @@ def smoothed_deflection(device: DeviceData) -> Block:
         period_s=h,
         constants=device.constants("timing"),
         state=(
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             around("theta_last_rad", limit + 2 * count, "smoothed deflection of the last step"),
         ),
         inputs=(

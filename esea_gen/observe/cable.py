@@ -101,12 +101,12 @@ class _Cable:
         stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
         self.constants = (*own, *stiff)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 when the last sample could be compared"),
+            Port.flag("primed", "1 when the last sample could be compared"),
             around("high_rad", self.end_lim, "end of the gap at which the gear pulls upward"),
             around("low_rad", self.end_lim, "its other end"),
-            Port("high_shown", 0.0, 1.0, "1 once a torque has shown that end"),
-            Port("low_shown", 0.0, 1.0, "1 once a torque has shown the other"),
-            Port("taut", 0.0, 1.0, "1 while the cable is at an end"),
+            Port.flag("high_shown", "1 once a torque has shown that end"),
+            Port.flag("low_shown", "1 once a torque has shown the other"),
+            Port.flag("taut", "1 while the cable is at an end"),
             around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
             around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
             Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
@@ -152,7 +152,7 @@ class _Cable:
         off = label("learnt_rad", self.share * (seen - lies), "[cable 4]")
         at_high = ca.logic_or(pulls, ca.logic_and(ca.logic_not(pushes), seen > high))
         at_low = ca.logic_or(pushes, ca.logic_and(ca.logic_not(pulls), seen < low))
-        up, down = s.high_shown > 0.5, s.low_shown > 0.5
+        up, down = s.high_shown, s.low_shown
         takes_high = ca.logic_or(at_high, ca.logic_and(at_low, ca.logic_not(up)))
         takes_low = ca.logic_or(at_low, ca.logic_and(at_high, ca.logic_not(down)))
         new_high = high + ca.if_else(takes_high, off, 0.0)

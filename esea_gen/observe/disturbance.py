@@ -168,7 +168,7 @@ class _DriveObserver:
             Port("moved_rad_s2", 0.0, self.a_lim, "its largest of late"),
         )
         self.state = (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port.flag("primed", "1 when the last sample was valid"),
             around("omega_last_rad_s", drive.omega_rad_s, "motor side's rate, last step"),
             around("passive_rad_s2", reach, "friction and coupling, last step"),
             around("u_held_Nm", self.u_lim, "command that the motor holds"),

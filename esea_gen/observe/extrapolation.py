@@ -54,7 +54,7 @@ class _Parabola:
         self.name = "parabola"
         self.title = "Torque of the person ahead: parabola through its past"
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid value has been seen"),
+            Port.flag("primed", "1 once a valid value has been seen"),
             around("last_Nm", self.tau_lim, "value of the last step"),
             around("past_Nm", self.tau_lim, "values before it, newest first", self.count - 2),
         )

@@ -94,7 +94,7 @@ class _Lag:
             ),
         )
         self.state = (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port.flag("primed", "1 when the last sample was valid"),
             around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),
             around("tau_last_Nm", self.tau_lim, "interaction torque, last step"),
             around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
@@ -216,7 +216,7 @@ class _ExtendedState:
         text = "decay of the torque's rate: longer trusts a rate longer and overshoots more"
         self.tunables = (self.decay.tunable("decay_s", self.decay_low, self.decay_high, text),)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             Port("theta_rad", self.theta_low, self.theta_high, "predicted angle"),
             around("omega_rad_s", self.omega_room, "predicted rate"),
             around("tau_h_Nm", self.tau_room, "predicted torque"),

@@ -108,7 +108,7 @@ class _Butterworth:
         text = "cut-off: higher follows faster and passes more noise"
         self.tunables = (self.cutoff.tunable("cutoff_Hz", self.low, self.high, text),)
         self.state = (
-            Port("primed", 0.0, 1.0, "1 when the last sample was valid"),
+            Port.flag("primed", "1 when the last sample was valid"),
             Port("theta_last_rad", *self.angles, "angle, last step"),
             around("omega_held_rad_s", self.room, "filtered rate of the last step"),
             around("first_rad_s", self.room, "integrators of the first section", 2),

@@ -28,7 +28,7 @@ from esea_gen.emit.spans import COMPARES, RangeError
 from esea_gen.emit.step_errors import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.errors import UserError
-from esea_gen.hostlib.codec import INVALID, from_raw, to_raw
+from esea_gen.hostlib.codec import INVALID, from_raw, to_flag, to_raw
 from esea_gen.hostlib.library import CRunner
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
@@ -96,20 +96,24 @@ class RawExecutor:
         return _columns(fields["out"], results[split:]), _columns(fields["state"], results[:split])
 
 
+def _raw(f: FieldPlan, values: Any) -> Array:
+    return to_flag(values) if f.flag else to_raw(values, f.fraction)
+
+
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
     """A stream as raw inputs."""
-    return {f.port.name: to_raw(stream.inputs[f.port.name], f.fraction) for f in plan.fields["in"]}
+    return {f.port.name: _raw(f, stream.inputs[f.port.name]) for f in plan.fields["in"]}
 
 
 def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
     """A stream as the board sees it: every sample a whole number of units, or NaN."""
 
     def held(f: FieldPlan, values: Any) -> Array:
-        return from_raw(to_raw(values, f.fraction), f.fraction)
+        return from_raw(_raw(f, values), f.fraction)
 
     inputs = {}
     for f in plan.fields["in"]:
-        raw = to_raw(stream.inputs[f.port.name], f.fraction)
+        raw = _raw(f, stream.inputs[f.port.name])
         inputs[f.port.name] = np.where(raw == INVALID, np.nan, from_raw(raw, f.fraction))
     # A state has no mark for what is no number: it is the number that its bits say.
     known = {f.port.name: f for f in plan.fields["state"]}
@@ -129,7 +133,7 @@ def states_before(plan: BlockPlan, stream: Stream, states: Mapping[str, Raw]) ->
         before[name] = np.concatenate([first[name], states[name][:-1]])
         for k, values in stream.injections.items():
             if name in values:
-                raw = to_raw(values[name], f.fraction)
+                raw = _raw(f, values[name])
                 before[name][k] = raw.reshape(before[name][k].shape)
     return before
 

@@ -58,7 +58,7 @@ def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: i
 
 
 def _whole(port: Port, values: Array) -> Array:
-    return np.rint(values) + 0.0 if counts(port) else values
+    return np.rint(values) + 0.0 if counts(port) or port.kind == "flag" else values
 
 
 def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
@@ -138,7 +138,9 @@ def at_the_limits(
     top = 2**32 - 1
     cases += [{c: np.array(top - k)} for c in counters for k in (0, 1, 40)]
     for _ in range(40):
-        cases.append({p.name: single(rng.uniform(p.low, p.high, p.size)) for p in block.state})
+        drawn = {p.name: single(rng.uniform(p.low, p.high, p.size)) for p in block.state}
+        flags = {p.name for p in block.state if p.kind == "flag"}
+        cases.append({n: np.rint(x) if n in flags else x for n, x in drawn.items()})
     rng.shuffle(cases)
     # States and inputs at ends together, the same and mixed, so that sums and clips meet theirs;
     # inputs in their middle too, and just short of the ends.
@@ -168,6 +170,8 @@ def at_the_limits(
 
 def _around(block: Block, p: Port, dtype: npt.DTypeLike) -> Array:
     # Numbers at and beside the ends of a port's range.
+    if p.kind == "flag":
+        return np.array([0.0, 1.0, 2.0, -1.0])
     ends = [p.low, p.high, 0.0, 1e-3 * p.high]
     # Where an output of the same unit is clipped or flagged: a state can reach that exactly.
     ends += [x for q in block.outputs if q.unit == p.unit for x in (q.low, q.high)]

@@ -164,6 +164,8 @@ def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) ->
             if kernel.nodes[a].boolean:
                 known[a] = float(v)
             front.append((a, v))
+    same = list(range(len(kernel.nodes)))  # the arm that a decided choice takes
+    comparisons = {(n.op, n.args): i for i, n in enumerate(kernel.nodes) if n.op in _RELATIONS}
     for i, n in enumerate(kernel.nodes):  # and what follows
         if i in known or i == without:
             continue
@@ -181,10 +183,16 @@ def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) ->
         elif n.op in ("if_else_zero", "select") and got[0] is not None:
             arms = [got[1], got[2] if n.op == "select" else 0.0]
             chosen = arms[0] if got[0] else arms[1]
+            if got[0] or n.op == "select":
+                same[i] = same[n.args[1 if got[0] else 2]]
             if chosen is not None:
                 known[i] = chosen
         elif n.op in _RELATIONS and got[0] is not None and got[1] is not None:
             known[i] = float(_RELATIONS[n.op](got[0], got[1]))
+        elif n.op in _RELATIONS:
+            alike = comparisons.get((n.op, tuple(same[a] for a in n.args)), -1)
+            if alike in known:
+                known[i] = known[alike]
         elif n.op == "add" and 0.0 in got and None not in got:
             known[i] = float(sum(x for x in got if x))
     return known

@@ -243,7 +243,9 @@ def header_problems(device, library):
             "out": "cannot overflow",
         }
         for group, said in behaviour.items():
-            fields = [f for f in plan.fields[group] if not getattr(f.port, "flags", ())]
+            fields = [f for f in plan.fields[group] if not (f.word or f.flag)]
+            flags = [f.name for f in plan.fields[group] if f.flag and group in ("in", "state")]
+            wrong += [x for x in flags if not re.search(rf"\({x}(_now)? <= 1u\)", step)]
             comments = _comments(header, f"{stem}_{group}_t") if fields else {}
             for f in fields:
                 form = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"

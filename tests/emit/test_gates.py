@@ -43,7 +43,7 @@ def test_the_double_precision_c_passes_what_applies_to_it(elbow):
     assert check_objects(elbow, "host", "f64").problems == ()
 
 
-STEP = "    const float primed_now = state->primed;"
+STEP = "    const uint32_t primed_now = state->primed;"
 DOUBLE = " state->tau_r_Nm = (float)(0.1 * (double)in->theta_rad);"
 OFFENCES = {
     "double constant": (STEP, STEP + DOUBLE, "double"),
@@ -60,10 +60,14 @@ OFFENCES = {
         "int helper(void);\nint helper(void) { return 1; }\n{}",
         "prefix",
     ),
-    "stack": (STEP, STEP + " volatile float big[400]; big[0] = primed_now;", "above the limit"),
+    "stack": (
+        STEP,
+        STEP + " volatile float big[400]; big[0] = (float)primed_now;",
+        "above the limit",
+    ),
     "dynamic stack": (
         STEP,
-        STEP + " volatile float a[1 + (unsigned)primed_now]; a[0] = primed_now;",
+        STEP + " volatile float a[1 + primed_now]; a[0] = (float)primed_now;",
         "depends on data",
     ),
     "pointer": (

@@ -308,9 +308,7 @@ def test_corrupt_states_start_afresh(bad):
     for name in ("count_last", "turn", "held", "settled", "lost"):
         runner.reset()
         before, _ = runner.run(still(20), trace=False)
-        state = runner.state
-        state[name] = bad
-        runner.state = state
+        runner.put_state({name: bad})
         got, states = runner.run(still(20))
         assert status_of(got)[0] == BITS["STATE_REPAIRED"] | BITS["SETTLING"]
         assert got["usable"].tolist() == [0] * 3 + [1] * 17

@@ -14,7 +14,7 @@ from .sanitize import replay_device, undefined_behaviour
 
 pytestmark = pytest.mark.ci
 
-STEP = "    const float primed_now = state->primed;"
+STEP = "    const uint32_t primed_now = state->primed;"
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ def test_both_sides_of_every_decision_are_taken(elbow, elbow_f32, real, name):
     assert found.real == real
     # What cannot happen is stated, proven and counted: the clips of the spring's and the stops'
     # torque at 20 Nm, and one operand of an "and" that follows from the other.
-    assert len(found.excluded) == {"velocity": 0, "smoothing": 0, "sensor": 5}[name]
+    assert len(found.excluded) == {"velocity": 0, "smoothing": 0, "sensor": 4}[name]
     assert all(": the " in text for text in found.excluded)
     for d in found.decisions:
         assert not any(d.seen[side] for side in d.proofs)

@@ -184,13 +184,12 @@ def test_a_proof_holds_for_its_own_kernel_alone(drive):
     A mutant of the Butterworth filter's prewarping that the bits show was once called equivalent,
     because the value of that name in the step is only looked at for its sign.
     """
-    file = "esea_elbow_drive_rate.c"
-    own = [m for m in mutants(drive, "f32") if m.file == file and m.kernel]
-    before = [m for m in own if m.function == "prepare" and m.kind == "result negated"]
+    own = [m for m in mutants(drive, "f32") if m.kernel]
+    rate = [m for m in own if m.file == "esea_elbow_drive_rate.c" and m.function == "prepare"]
+    before = [m for m in rate if m.kind == "result negated"]
     assert len(before) > 8
     prove = Prover(before[0].kernel, FORMATS["f32"])
     assert not any(prove(m.edit) for m in before)
-    step = next(m.kernel for m in own if m.function == "step")
-    block = before[0].block
-    prove = Prover(step, FORMATS["f32"], block)
-    assert any(prove(m.edit) for m in own if m.function == "step")
+    steps = [m for m in own if m.file.endswith("_velocity.c") and m.function == "step"]
+    prove = Prover(steps[0].kernel, FORMATS["f32"], steps[0].block)
+    assert any(prove(m.edit) for m in steps)

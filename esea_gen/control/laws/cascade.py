@@ -92,7 +92,7 @@ class _Cascade:
         # As much as the outer gain makes of the largest torque.
         self.integral_lim = threshold(self.tunables[0].high * self.tau_lim)
         self.state = (
-            Port("active", 0.0, 1.0, "1 when the controller acted in the last step"),
+            Port.flag("active", "1 when the controller acted in the last step"),
             around("integral_Nm_s", self.integral_lim, "integral of the torque's error, I"),
             around("u_last_Nm", self.u_lim, "command of the last step"),
         )

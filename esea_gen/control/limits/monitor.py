@@ -98,7 +98,7 @@ class _EncoderMonitor:
         self.constants = (*device.constants("monitor")[:2], bits)
         n, most = len(self.watched), max(self.room)
         self.state = (
-            Port("followed", 0.0, 1.0, "1 when the last frame was good"),
+            Port.flag("followed", "1 when the last frame was good"),
             Port("count_last", 0, self.full - 1, "last good count"),
             around("step", self.reach, "last step, in counts", equation="[mon 1]"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
@@ -129,7 +129,7 @@ class _EncoderMonitor:
         back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
         now = label("now", raw + ca.if_else(raw < -self.full / 2, float(self.full), back))
         near = ca.fabs(now) < self.reach + 0.5
-        both = ca.logic_and(good, s.followed > 0.5)
+        both = ca.logic_and(good, s.followed)
         goes_on = label("goes_on", ca.logic_and(both, near), "two frames in a row")
         now = ca.if_else(goes_on, now, 0.0)
         bent = (now - ca.if_else(goes_on, s.step, 0.0)) * (1 / self.largest)

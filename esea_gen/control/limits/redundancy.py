@@ -49,7 +49,7 @@ class _Redundancy:
         self.constants = (*device.constants("redundancy"), *self.inertia())
         self.state = (
             around("zero_rad", self.angle_lim, "drive's angle less the motor side's, at rest"),
-            Port("zeroed", 0.0, 1.0, "1 once that is set"),
+            Port.flag("zeroed", "1 once that is set"),
         )
         self.equations = equations(EQUATIONS)
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
@@ -91,7 +91,7 @@ class _Redundancy:
         # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         ready = label("ready", ca.logic_and(sound, both), "both angles can be compared")
-        zeroed = s.zeroed > 0.5
+        zeroed = s.zeroed
         found = label(
             "found_rad",
             u.theta_gear_rad - u.theta_motor_rad - u.tau_Nm * (1 / self.stiffness),

@@ -135,7 +135,7 @@ class _SlidingMode:
         self.equations = surface_equations()
         self.streams = STREAMS
         self.state: tuple[Port, ...] = (
-            Port("active", 0.0, 1.0, "1 when the controller acted in the last step"),
+            Port.flag("active", "1 when the controller acted in the last step"),
             around("integral_rad_s", self.integral_lim, "lambda^2 times the integral of e"),
             around("offset_Nm", 2.01 * self.u_lim, "fading offset of the entry"),
             around("u_last_Nm", self.u_lim, "command of the last step"),

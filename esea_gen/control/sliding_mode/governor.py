@@ -149,7 +149,7 @@ def smoothed_setpoint(device: DeviceData) -> Block:
         "Set deflection that the motor can follow",
         period_s=h,
         state=(
-            Port("primed", 0.0, 1.0, "1 once a valid sample has been seen"),
+            Port.flag("primed", "1 once a valid sample has been seen"),
             *(around(f"{n}_rad", delta_lim, f"{n} lag") for n in ("first", "second", "third")),
         ),
         inputs=(raw, *ports, Port("governed", 0.0, 1.0, "share that is governed")),

@@ -59,7 +59,7 @@ class Lowering(Elementary):
 
     def _read(self, i: int, s: Source) -> Value:
         if not s.checked:
-            return Value(ex.read(s.place, 32, s.low, s.high), s.fraction)
+            return Value(ex.read(s.place, s.bits, s.low, s.high), s.fraction)
         held = ex.read(s.place, 32, *ex.INT32)
         name = self._unused(local_name(f"{s.name}_held", s.fraction))
         self.steps.append(LoweredStep(name, held))
@@ -129,15 +129,15 @@ class Lowering(Elementary):
         if v is None or v.expr.op in ("ref", "literal"):
             return v
         label = self.labels.get(i)
-        boolean = v.expr.bits == 1
-        if label is None and self.uses[i] == 1 and (boolean or i in self.clips):
+        inline = v.expr.bits == 1 or i in self.clips
+        if label is None and self.uses[i] == 1 and inline:
             return v
         n = self.kernel.nodes[i]
         if n.op == "input":
             name, comment = self.source(*n.source).name, ""
         else:
             name, comment = label or (self.others.get(i, f"v{i}"), "")
-        if not boolean and i not in self.status:
+        if v.expr.bits > 1:
             name = local_name(name, v.fraction)
         name = self._unused(name)
         self.steps.append(LoweredStep(name, v.expr, comment, i))
@@ -147,6 +147,8 @@ class Lowering(Elementary):
         self, i: int, f: FieldPlan, cut: bool, saturations: list[str]
     ) -> tuple[Expr, float]:
         v = self.values[i]
+        if f.flag:
+            return ex.cast(self._condition(i), -32), 0.0
         if f.word:
             if v is None or v.expr.bits != -32:
                 raise LoweringError(

@@ -28,7 +28,7 @@ def format_text(f: FieldPlan) -> str:
 
 def field_text(f: FieldPlan, group: str) -> str:
     """What a header says of a field's numbers: raw range, unit, what happens outside."""
-    if f.word:
+    if f.word or f.flag:
         return ""
     text = f"raw {f.low} to {f.high}, {format_text(f)}"
     behaviour = {
@@ -75,7 +75,7 @@ class FixedNaming(Naming):
         return tuple(
             self._scale(self._macro(block.name, group, f.name), f)
             for f in plan_block(block).fields[group]
-            if not f.word
+            if not (f.word or f.flag)
         )
 
     def task_scales(self, task: Task, group: str) -> tuple[str, ...]:

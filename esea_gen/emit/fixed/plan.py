@@ -15,6 +15,7 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import Kept, Lowering, rewrite
 from esea_gen.emit.fixed.values import FieldPlan, LoweredKernel, Source, best_fraction, stem
 from esea_gen.emit.local_names import meanings
+from esea_gen.emit.printed import field_type
 from esea_gen.emit.spans import Known
 from esea_gen.emit.step_errors import BEYOND
 from esea_gen.emit.walker import Kernel, fuse_selects, labelled_kernel, walk
@@ -26,7 +27,7 @@ MOST_PORT_FRACTION = 31
 
 def port_fraction(port: Port | Tunable) -> int:
     """Fraction bits of a port, from its range alone."""
-    if getattr(port, "flags", ()):
+    if field_type(port, "") == "uint32_t":
         return 0
     return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
 
@@ -73,8 +74,13 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         # prepare made of the others is trusted.
         free = pointer in ("state", "in")
         low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
+        bits = -32 if f.flag else 32
+        if f.flag:
+            low, high = ex.UINT32
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
-        return Source(base, _place(pointer, f, element), f.fraction, low, high, port, f.checked)
+        return Source(
+            base, _place(pointer, f, element), f.fraction, low, high, port, f.checked, bits
+        )
 
     return source
 
@@ -213,7 +219,8 @@ def raw_places(
     for f, c in zip(fields, columns, strict=True):
         table = np.asarray(c, dtype=object).reshape(-1, f.size)
         for k in range(f.size):
-            out[_place(pointer, f, k)] = np.array([int(v) for v in table[:, k]], dtype=object)
+            held = [int(v) & ex.UINT32[1] if f.flag else int(v) for v in table[:, k]]
+            out[_place(pointer, f, k)] = np.array(held, dtype=object)
     return out
 
 

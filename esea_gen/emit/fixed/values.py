@@ -35,6 +35,7 @@ class Source:
     port: str  # port and element, for messages
     # Memory may hold any number: the check sees it as it is, all else sees it cut to the range.
     checked: bool = False
+    bits: int = 32
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,10 @@ class FieldPlan:
     def word(self) -> bool:
         """Whether it is a status word."""
         return bool(getattr(self.port, "flags", ()))
+
+    @property
+    def flag(self) -> bool:
+        return getattr(self.port, "kind", "") == "flag"
 
     @property
     def size(self) -> int:

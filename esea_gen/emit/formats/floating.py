@@ -12,18 +12,20 @@ import numpy as np
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, field_type
 from esea_gen.emit.walker import (
     OPERATIONS,
     Kernel,
     Node,
     UnsupportedOperationError,
+    checked_flag,
     labelled_kernel,
     status_words,
     use_counts,
     walk,
 )
 from esea_gen.language.block import Block
+from esea_gen.language.ports import Port
 from esea_gen.language.system import System
 
 # Where a boolean operand is taken as it is, without turning it into a number.
@@ -97,37 +99,73 @@ class FloatingFormat(Format):
     ) -> PrintedKernel:
         others = meanings(block, function, kernel)
         if function == "prepare":
-            access = _access([("params", block.tunables)])
+            access = self._access([("params", block.tunables)])
             return print_kernel(kernel, self, access, {}, others=others)
         coefficients = [("coeffs", block.coefficients)]
         if function == "init":
-            return print_kernel(kernel, self, _access(coefficients), {}, others=others)
-        access = _access([*coefficients, ("state", block.state), ("in", block.inputs)])
-        return print_kernel(kernel, self, access, names or {}, block.flag_results, others)
+            access = self._access(coefficients)
+            return print_kernel(kernel, self, access, {}, others=others, ports=block.state)
+        access = self._access([*coefficients, ("state", block.state), ("in", block.inputs)])
+        ports = (*block.state, *block.outputs)
+        return print_kernel(
+            kernel, self, access, names or {}, block.flag_results, others, ports=ports
+        )
+
+    def _access(self, groups: list[tuple[str, tuple[Any, ...]]]) -> Access:
+        flat = [(pointer, p) for pointer, ports in groups for p in ports]
+        clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
+
+        def access(argument: int, element: int) -> tuple[str, str, str]:
+            pointer, p = flat[argument]
+            size = getattr(p, "size", 1)
+            name = f"{pointer}_{p.name}" if p.name in clash else p.name
+            index = "" if size == 1 else f"[{element}]"
+            local = f"{name}_now" if pointer == "state" else name
+            local = local if size == 1 else f"{local}_{element}"
+            return local, f"{pointer}->{p.name}{index}", field_type(p, self.c_type)
+
+        return access
 
 
-def _access(groups: list[tuple[str, tuple[Any, ...]]]) -> Callable[[int, int], tuple[str, str]]:
-    flat = [(pointer, p) for pointer, ports in groups for p in ports]
-    clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
+def _number(fmt: FloatingFormat, condition: str) -> str:
+    return f"({condition} ? {fmt.literal(1.0)} : {fmt.literal(0.0)})"
 
-    def access(argument: int, element: int) -> tuple[str, str]:
-        pointer, p = flat[argument]
-        size = getattr(p, "size", 1)
-        name = f"{pointer}_{p.name}" if p.name in clash else p.name
-        index = "" if size == 1 else f"[{element}]"
-        local = f"{name}_now" if pointer == "state" else name
-        return local if size == 1 else f"{local}_{element}", f"{pointer}->{p.name}{index}"
 
-    return access
+def _operand(
+    fmt: FloatingFormat, n: Node, position: int, operand: Node, text: str, stored: bool
+) -> str:
+    # An operand as its operation takes it: a condition or a number.
+    is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
+    if stored:
+        return f"({text} != 0u)" if is_condition else _number(fmt, f"{text} != 0u")
+    if operand.boolean and not is_condition:
+        return _number(fmt, text)
+    if is_condition and not operand.boolean:
+        return f"({text} != {fmt.literal(0.0)})"
+    separated = n.op in _SEPARATED or (n.op in SELECTING and operand.op == "const")
+    return bare(text) if separated else text
+
+
+def _flag(kernel: Kernel, i: int, text: str, port: Port) -> str:
+    n = kernel.nodes[i]
+    if n.op == "const" and n.value in (0.0, 1.0):
+        return f"{n.value:.0f}u"
+    if not n.boolean:
+        raise UnsupportedOperationError(f"{kernel.name}: {port.name} is no condition")
+    return f"({text} ? 1u : 0u)"
+
+
+Access = Callable[[int, int], tuple[str, str, str]]  # local name, place in memory and C type
 
 
 def print_kernel(
     kernel: Kernel,
     fmt: FloatingFormat,
-    access: Callable[[int, int], tuple[str, str]],
+    access: Access,
     labels: dict[int, tuple[str, str]],
     words: Sequence[int] = (),
     others: Mapping[int, str] | None = None,
+    ports: Sequence[Port] = (),  # where the results go, where any of them is a flag
 ) -> PrintedKernel:
     uses = use_counts(kernel)
     wanted = {i for r in kernel.results for i in r}
@@ -139,9 +177,7 @@ def print_kernel(
     reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
     name_of = namer(reads, labels, others or {})
     chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
-
-    def number(atom: str) -> str:
-        return f"({atom} ? {fmt.literal(1.0)} : {fmt.literal(0.0)})"
+    stored: set[int] = set()  # flags in memory, which may hold any pattern
 
     for i, n in enumerate(kernel.nodes):
         if i in bits:
@@ -157,25 +193,22 @@ def print_kernel(
             atoms.append(f"({text})" if text.startswith("-") else text)
             continue
         if n.op == "input":
-            read, source = access(*n.source)
+            read, source, c_type = access(*n.source)
             arguments.add(n.source[0])
-            statements.append(Statement(fmt.c_type, read, source))
+            statements.append(Statement(c_type, read, source))
             atoms.append(read)
+            if c_type != fmt.c_type:
+                stored.add(i)
             continue
         operands = []
         for position, a in enumerate(n.args):
-            is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
-            text = atoms[a]
-            if kernel.nodes[a].boolean and not is_condition:
-                text = number(text)
-            elif chained.get(a) == n.op and (n.op != "add" or position == 0):
-                text = bare(text)  # as C reads it anyway
-            elif is_condition and not kernel.nodes[a].boolean:
-                text = f"({text} != {fmt.literal(0.0)})"
-            elif n.op in _SEPARATED or (n.op in SELECTING and kernel.nodes[a].op == "const"):
-                text = bare(text)
+            read_on = chained.get(a) == n.op and (n.op != "add" or position == 0)
+            text = bare(atoms[a]) if read_on else atoms[a]  # as C reads it anyway
+            if a in stored or not read_on:
+                text = _operand(fmt, n, position, kernel.nodes[a], text, a in stored)
             operands.append(text)
-        text = fmt.expression(n, operands, kernel)
+        flag = checked_flag(kernel, n)
+        text = f"{atoms[flag]} <= 1u" if flag in stored else fmt.expression(n, operands, kernel)
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
         inline = (
@@ -194,8 +227,10 @@ def print_kernel(
         atoms.append(statements[-1].name)
 
     def result(k: int, i: int) -> str:
+        if ports and ports[k].kind == "flag":
+            return _flag(kernel, i, atoms[i], ports[k])
         if kernel.nodes[i].boolean:
-            return number(atoms[i])
+            return _number(fmt, atoms[i])
         return f"(uint32_t){atoms[i]}" if k in words and i not in bits else atoms[i]
 
     results = tuple(tuple(result(k, i) for i in r) for k, r in enumerate(kernel.results))
