@@ -88,8 +88,8 @@ class ImportReport:
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    text = read_text(path, "docs/host.md has a mapping file.")
-    document = parse_toml(text, path.name, "docs/host.md")
+    text = read_text(path, "docs/tables.md has a mapping file.")
+    document = parse_toml(text, path.name, "docs/tables.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
     names = [ROW, *(c.name for c in mapping.columns)]
     twice = [n for n in names if names.count(n) > 1]

@@ -17,7 +17,7 @@ from esea_host.study.task import StudyTask, load_tasks, task_named
 from esea_host.study.words import Words, language_of, words_of
 
 GROUP = "group"
-SEE = "docs/studies-with-people.md"
+SEE = "docs/first-study.md"
 
 
 class _Table(BaseModel):
