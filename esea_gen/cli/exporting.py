@@ -125,12 +125,12 @@ def _platforms(asked: str | None) -> Any:
 def export_check(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="An FMU of esea-gen's.")],
 ) -> None:
-    """Tell whether an FMU is whole, as it was exported, and of one content."""
+    """Check that an FMU is intact: complete, as exported, and of one content."""
     from esea_gen.export.fmu import check_fmu
 
     found = check_fmu(path)
     out.print(
-        f"{path}: whole; FMI {found['fmi']}.0, {found['number_format']}, {found['identifier']}"
+        f"{path}: intact; FMI {found['fmi']}.0, {found['number_format']}, {found['identifier']}"
     )
     out.print(f"content {found['content_hash']}")
 

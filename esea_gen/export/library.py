@@ -85,7 +85,7 @@ FORMS = {
             "simulink",
             {"{p}_caller.h": "caller.h", "{p}_caller.c": "caller.c"},
             (
-                "What to enter in the model's custom code settings stands in {p}_caller.h",
+                "What to enter in the model's custom code settings is in {p}_caller.h",
                 "Several of them, or FMI's own import block: esea-gen export fmu",
             ),
             headers="",
@@ -96,7 +96,7 @@ FORMS = {
             "labview",
             {"{p}_flat.h": "flat.h", "{p}_flat.c": "flat.c", "calls.md": "calls.md"},
             (
-                "What to enter in Call Library Function nodes stands in calls.md",
+                "What to enter in Call Library Function nodes is in calls.md",
                 "Compiled and packed for a myRIO: esea-gen firmware {name} --board myrio",
             ),
             headers="",

@@ -92,20 +92,20 @@ class OffTable:
     def table(self) -> list[str]:
         first = self.done[0]
         seeds = len(first.seeds)
+        wide = max(14, *(len(row["controller"]) + 2 for row in self.rows()))
         lines = [
             f"{first.study.title}: plant {first.setting.plant}, person {first.person}, "
-            f"simulated; "
-            f"medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
-            f"{'off':18}{'controller':14}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"
+            f"simulated; medians over {seeds} plant{'s' if seeds > 1 else ''}, Nm",
+            f"{'off':18}{'controller':{wide}}{'RMS true':>10}{'worst':>9}{'above 4 Hz':>12}"
             + "".join(f"{h:>12}" for h in ROUGH_HEADS)
-            + "  of the runs",
+            + "  ended",
         ]
         for row in self.rows():
             cells = [row["rms_true_Nm"], row["rms_true_Nm_worst"], row["rms_above_4Hz_Nm"]]
             numbers = [math.nan if c is None else c for c in cells]
             ends = [f"{row[k]} {text}" for k, text in ENDINGS.items() if row[k]]
             lines.append(
-                f"{row['off']:18}{row['controller']:14}"
+                f"{row['off']:18}{row['controller']:{wide}}"
                 + "".join(f"{x:>{w}.4f}" for x, w in zip(numbers, (10, 9, 12), strict=True))
                 + "".join(f"{c:>12}" for c in rough_cells(row))
                 + f"  {', '.join(ends)}".rstrip()

@@ -441,7 +441,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     assert "esea_elbow_velocity.fmu" in done.output
     assert "content" in done.output
     checked = run(app, ["export", "check", "esea_elbow_velocity.fmu"])
-    assert "whole; FMI 2.0, f32" in checked.output
+    assert "intact; FMI 2.0, f32" in checked.output
     for call, said in (
         (["elbow", "--block", "nobody"], "no Block 'nobody'"),
         (["elbow", "--fmi", "1"], "no such version"),

@@ -440,7 +440,7 @@ class ConnectedDevice:
             near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
             many = "is not the name of one parameter" if found else "is no parameter"
             raise UserError(
-                f"'{name}' {many} of {self.identity.device.name}.", f"Say which: {near}."
+                f"'{name}' {many} of {self.identity.device.name}.", f"Name one of: {near}."
             )
         return found[0]
 

@@ -150,7 +150,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
         port = next(x.port for x in device.system.outputs if x.name == word)
         flags = [(1 << i, flag.name) for i, flag in enumerate(port.flags)]
         _raster(acts, last, word, [(bit, name) for bit, name in flags if name not in OFF])
-        said = "every bit is the C's" if verdict.same else "NOT the same bits"
+        said = "every bit matches the generated C" if verdict.same else "NOT the same bits"
         figure.suptitle(
             f"Simulated {log.facts['device']}: {len(last)} ticks recorded, {len(log.gaps)} gaps; "
             f"replay of {verdict.values} values: {said}",
