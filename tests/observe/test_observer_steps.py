@@ -1,4 +1,4 @@
-"""The drive's disturbance and the cable's gap typed a second time, from docs/control.md."""
+"""The drive's disturbance and the cable's gap typed a second time, from docs/observers.md."""
 
 from __future__ import annotations
 
