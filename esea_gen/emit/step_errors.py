@@ -214,7 +214,7 @@ class StepErrors:
             beside = copy(self)
             beside.known = self.known.beside.setdefault(len(cases), Known())
             beside._set(self._room, len(cases))
-            errors = [np.transpose(e) for e in zip(*cases, strict=True)]
+            errors = [list(np.transpose(e)) for e in zip(*cases, strict=True)]
             with suppress(RangeError):  # of one case: that need not be one that is asked for
                 values, _ = beside.propagated(errors)
                 found = self._box_by_box(values)
