@@ -27,7 +27,7 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.records import AUDIT, check_record, consent_date, lack, program, renamed
+from esea_host.study.records import AUDIT, check_record, consent_date, ends, lack, program, renamed
 from esea_host.study.session import SessionState, StudySession, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
@@ -188,14 +188,7 @@ class StudyFolder:
 
     def ends(self) -> dict[tuple[str, int], set[str]]:
         """Of each session that has begun: the last hashes that it had whenever it ended."""
-        found: dict[tuple[str, int], set[str]] = {}
-        for kind, d in self.audited(strict=False):
-            if kind in ("session_start", "session_end"):
-                known = found.setdefault((d["participant"], d["session"]), set())
-                known |= {d["head"]} if kind == "session_end" else set()
-            elif kind == "repair":  # its end may be in the part that was moved aside
-                found.pop((str(d.get("participant", "")), d.get("session", 0)), None)
-        return found
+        return ends(self.audited(strict=False))
 
     def missing(self) -> list[tuple[str, int]]:
         """Sessions that have begun and have no log."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import date as calendar_date
 from functools import cache
@@ -87,6 +87,20 @@ def gone_from(folder: Path) -> set[str]:
     path = folder / AUDIT
     entries = map(renamed, read_log(path).entries) if path.exists() else ()
     return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
+
+
+def ends(
+    entries: Iterable[tuple[str, Mapping[str, Any]]],
+) -> dict[tuple[str, int], set[str]]:
+    """As :meth:`~esea_host.study.folder.StudyFolder.ends`."""
+    found: dict[tuple[str, int], set[str]] = {}
+    for kind, d in entries:
+        if kind in ("session_start", "session_end"):
+            known = found.setdefault((d["participant"], d["session"]), set())
+            known |= {d["head"]} if kind == "session_end" else set()
+        elif kind == "repair":  # its end may be in the part that was moved aside
+            found.pop((str(d.get("participant", "")), d.get("session", 0)), None)
+    return found
 
 
 def consent_date(text: str) -> str:
