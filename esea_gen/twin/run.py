@@ -161,7 +161,8 @@ def run_on(
         merged.setdefault(f"{instance}_{axis}" if axis else instance, {}).update(values)
     # A variant knows only what its plant has: the rigid one has no cable to twist.
     known = tunable_places(loop.plant)
-    extra = {of_axis(k, axis): v for k, v in case.plant.items() if of_axis(k, axis) in known}
+    both = ((n, v) for k, v in case.plant.items() for n in (k, of_axis(k, axis)))
+    extra = {n: v for n, v in both if n in known}
     fault = parse_fault(setting.fault) if setting.fault else None
     off = deviation(setting.off, device, seed)
     values = {of_axis(k, a): v for k, v in off.values.items() for a in device.axes}

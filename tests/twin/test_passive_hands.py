@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import pytest
 import esea_gen
 from esea_gen.analysis.passivity import Hand
 from esea_gen.devices import BEST_CONTROLLER
-from esea_gen.studies.passivity.push import judge_push, push_case
+from esea_gen.studies.passivity.push import PUSH_RAD_S, PushRun, judge_push, push_case, run_push
+from esea_gen.studies.passivity.study import WRIST_HANDS
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
@@ -193,3 +195,22 @@ def test_the_drive_does_as_the_proof_assumes(controller, plant):
     # back what they hold.
     grown = held - work
     assert np.max(grown - np.minimum.accumulate(grown)) < 0.02
+
+
+# On the plant `real`; without the Block, a light hand on a soft spring gets ten times its push.
+def test_the_rendered_wrist_is_passive(tmp_path):
+    def worst(controller, axis, hand):
+        push_J = 0.5 * hand.inertia_kgm2 * PUSH_RAD_S**2
+        run = run_push(3.0, 0.05, asdict(hand), controller, "real", PUSH_RAD_S, 0, axis=axis)
+        return PushRun(**run).swings_up(push_J), run["generated_J"] / push_J
+
+    for axis in ("flexion", "deviation"):
+        for hand in (*WRIST_HANDS[:3], WRIST_HANDS[-1]):
+            swings, share = worst("wrist_drive", axis, hand)
+            assert not swings, (axis, hand)
+            assert share < 0.01, (axis, hand)
+    text = SHIPPED.with_name("wrist_drive.toml").read_text(encoding="utf-8")
+    bare = tmp_path / "bare.toml"
+    text = without(text, "passivity").replace('name = "wrist_drive"', 'name = "bare"')
+    bare.write_text(text, encoding="utf-8")
+    assert worst(str(bare), "flexion", WRIST_HANDS[1])[0]

@@ -68,9 +68,13 @@ def push_case(
     low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
     place = low + (high - low) * (0.75 if wall_Nm_rad else 0.25)
     theta = np.full(n, place)
-    # A hand on two axes has nothing of its own beside, all along the device's travel.
+    # A hand on two axes has nothing of its own beside, all along the device's travel: coupled to the
+    # other axis without a stiffness of its own, it would be active.
     free = {
         "passive_Nm_rad": 0.0,
+        "passive_cross_Nm_rad": 0.0,
+        "damping_cross_Nms_rad": 0.0,
+        "inertia_cross_kgm2": 0.0,
         "joint_min_rad": joint.theta_min_rad.value,
         "joint_max_rad": joint.theta_max_rad.value,
     }
