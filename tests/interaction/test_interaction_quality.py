@@ -402,7 +402,7 @@ def test_own_data(tmp_path, monkeypatch, capsys):
     for last in ("nan", "inf"):
         code, _, error = command(monkeypatch, capsys, *base, "--last", last)
         assert code == 2
-        assert f"The last {last} s" in error
+        assert f"--last {last}:" in error
     row = tmp_path / "row.csv"
     row.write_text("t,angle_deg\n0,1\n")
     code, _, error = command(monkeypatch, capsys, "smoothness", row, *base[2:])
