@@ -103,7 +103,8 @@ class MoteusBoard(SimBoard):
 
     def show(self, counts) -> None:
         """The drive's encoders read them."""
-        self.joint.show(tuple(counts))
+        names = ("count_motor", "count_load", "count_gear")
+        self.joint.show(dict(zip(names, counts, strict=True)))
 
     @property
     def motors_Nm(self) -> tuple[float, ...]:

@@ -128,9 +128,10 @@ class _EncoderMonitor:
         raw = count - s.count_last
         back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
         now = label("now", raw + ca.if_else(raw < -self.full / 2, float(self.full), back))
-        near = ca.fabs(now) < self.reach + 0.5
         both = ca.logic_and(good, s.followed)
-        goes_on = label("goes_on", ca.logic_and(both, near), "two frames in a row")
+        if self.reach < self.full // 2:  # beyond, every step is near
+            both = ca.logic_and(both, ca.fabs(now) < self.reach + 0.5)
+        goes_on = label("goes_on", both, "two frames in a row")
         now = ca.if_else(goes_on, now, 0.0)
         bent = (now - ca.if_else(goes_on, s.step, 0.0)) * (1 / self.largest)
         bent = ca.fmin(ca.fabs(bent), MOST)  # so that the proof sees no square below 0

@@ -68,8 +68,8 @@ def push_case(
     low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
     place = low + (high - low) * (0.75 if wall_Nm_rad else 0.25)
     theta = np.full(n, place)
-    # A hand on two axes has nothing of its own beside, all along the device's travel: coupled to the
-    # other axis without a stiffness of its own, it would be active.
+    # A hand on two axes has nothing of its own beside, all along the device's travel: what couples
+    # it to the other axis would be active without a stiffness of its own.
     free = {
         "passive_Nm_rad": 0.0,
         "passive_cross_Nm_rad": 0.0,
