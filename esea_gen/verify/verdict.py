@@ -155,8 +155,8 @@ class Verification:
             return f"verdict: PASS. {of}: {'; '.join(said)}."
         return (
             f"verdict: PASS, {len(wide)} output{'s' * (len(wide) > 1)} tested but not proven. "
-            f"{of}: {'; '.join(said)}. Not proven, because the derived bound is wider than the "
-            "output's range: "
+            f"{of}: {'; '.join(said)}. Not proven, because no derived bound is narrower than "
+            "the output's range: "
             + ", ".join(f"{port} ({bound})" for port, bound in wide.items())
             + "."
         )

@@ -244,9 +244,8 @@ def _neighbours(system: System, sink: Signal) -> list[Source]:
     source = system.feed(sink)
     task = system.task_of(sink.instance)
     if isinstance(source, External):
-        found: Sequence[Source] = system.task_inputs(task)
-        size = source.port.size
-        return [x for x in found if x != source and x.port.size == size]  # type: ignore[union-attr]
+        size, given = source.port.size, system.task_inputs(task)
+        return [x for x in given if x != source and x.port.size == size]
     if isinstance(source, Watched):
         return [x for x in map(Watched, system.watched(task)) if x != source]
     if isinstance(source, Latch):
