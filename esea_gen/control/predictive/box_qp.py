@@ -188,21 +188,21 @@ class _Writer:
         def below(p: Ix) -> AbstractContextManager[Ix]:
             return b.loop(0, p, most=n, unroll=self.unroll)
 
-        with b.part("qp_factor", comment="Factors of H: unit lower ones, minus inverse pivots."):
-            with b.loop(0, n, unroll=self.unroll) as p:
-                own = self.pair.at(p * (n + 1))
-                known = [T[own], self.m.H[own], self.tiny[0], self.m.convex[0]]
-                b.call("first", known, [inv[0], T[own], self.m.convex[0]], _first)
-                with ahead(p) as i:
-                    b.call("copy", [T[self.row.at(i) + p]], [c[i]], same)
-                    b.call("share", [c[i], inv[0]], [self.part[0]], _times)
-                    with b.loop(p + 1, i + 1, most=n, unroll=self.unroll) as j:
-                        place = self.row.at(i) + j
-                        b.call("rank_one", [T[place], self.part[0], c[j]], [T[place]], _rank)
-                    b.call("copy", [self.part[0]], [T[self.row.at(i) + p]], same)
-        with b.part(
-            "qp_newton", comment="The step from gradient y to the stationary point into y."
+        with (
+            b.part("qp_factor", comment="Factors of H: unit lower ones, minus inverse pivots."),
+            b.loop(0, n, unroll=self.unroll) as p,
         ):
+            own = self.pair.at(p * (n + 1))
+            known = [T[own], self.m.H[own], self.tiny[0], self.m.convex[0]]
+            b.call("first", known, [inv[0], T[own], self.m.convex[0]], _first)
+            with ahead(p) as i:
+                b.call("copy", [T[self.row.at(i) + p]], [c[i]], same)
+                b.call("share", [c[i], inv[0]], [self.part[0]], _times)
+                with b.loop(p + 1, i + 1, most=n, unroll=self.unroll) as j:
+                    place = self.row.at(i) + j
+                    b.call("rank_one", [T[place], self.part[0], c[j]], [T[place]], _rank)
+                b.call("copy", [self.part[0]], [T[self.row.at(i) + p]], same)
+        with b.part("qp_newton", comment="Gradient y to the step to the stationary point."):
             with self._each() as i, below(i) as j:
                 b.call("rank_one", [y[i], T[self.row.at(i) + j], y[j]], [y[i]], _rank)
             with self._each() as i:
@@ -210,20 +210,22 @@ class _Writer:
             with self._each() as k, below(n - 1 - k) as j:
                 p = n - 1 - k
                 b.call("rank_one", [y[j], T[self.row.at(p) + j], y[p]], [y[j]], _rank)
-        with b.part("qp_invert", comment="Factors of H to minus its inverse."):
-            with b.loop(0, n, unroll=self.unroll) as p:
-                own = self.pair.at(p * (n + 1))
-                with below(p) as i:
-                    place = self.row.at(p) + i
-                    b.call("copy", [T[place]], [c[i]], same)
-                    b.call("share", [c[i], T[own]], [self.part[0]], _times)
-                    with b.loop(0, i + 1, most=n, unroll=self.unroll) as j:
-                        there = T[self.row.at(i) + j]
-                        b.call("plus", [there, self.part[0], c[j]], [there], _own_first)
-                    b.call("minus", [self.part[0]], [T[place]], _minus)
-                with ahead(p) as i, below(p) as j:
+        with (
+            b.part("qp_invert", comment="Factors of H to minus its inverse."),
+            b.loop(0, n, unroll=self.unroll) as p,
+        ):
+            own = self.pair.at(p * (n + 1))
+            with below(p) as i:
+                place = self.row.at(p) + i
+                b.call("copy", [T[place]], [c[i]], same)
+                b.call("share", [c[i], T[own]], [self.part[0]], _times)
+                with b.loop(0, i + 1, most=n, unroll=self.unroll) as j:
                     there = T[self.row.at(i) + j]
-                    b.call("rank_one", [there, T[self.row.at(i) + p], c[j]], [there], _rank)
+                    b.call("plus", [there, self.part[0], c[j]], [there], _own_first)
+                b.call("minus", [self.part[0]], [T[place]], _minus)
+            with ahead(p) as i, below(p) as j:
+                there = T[self.row.at(i) + j]
+                b.call("rank_one", [there, T[self.row.at(i) + p], c[j]], [there], _rank)
 
     def _times(self, matrix: Memory, start: Memory | None, vector: Memory, to: Memory) -> None:
         # Each element of the triangle once, for both of its places.
