@@ -128,12 +128,16 @@ class _Writer:
             comment="A Newton step with the tableau takes out of x what rounding put into it.",
         ):
             self._refine()
-        with b.part(
-            "qp_solve", comment="Box QP: x from its start to the minimum, at most so many changes."
-        ):
+        # A part of its own: where a compiler knows that all are free it enters the loop in two places,
+        # and its passes cannot be bounded.
+        with b.part("qp_free", comment="Every variable free, and its stationary point."):
             self._free_all()
             with b.when(self.full[0]):
                 b.invoke("qp_invert")
+        with b.part(
+            "qp_solve", comment="Box QP: x from its start to the minimum, at most so many changes."
+        ):
+            b.invoke("qp_free")
             with b.loop(0, cap + 1) as _:
                 self._change()
             self._verdict()
