@@ -7,7 +7,8 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp, one, same, zero
+from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp
+from esea_gen.control.predictive.kernels import one, same, zero
 from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.program import Program
