@@ -369,17 +369,13 @@ def _inside(x: Any, low: Any, high: Any) -> Any:
     return clip(x, low, high), ca.SX(-1)
 
 
-def _beyond(side: Any, y: Any, low: Any, high: Any) -> Any:
-    return ca.logic_and(side < 0, ca.logic_or(y < low, y > high))
-
-
 def _bound(y: Any, low: Any, high: Any) -> Any:
     return ca.if_else(y < low, low, high)
 
 
 def _reach(side: Any, x: Any, y: Any, low: Any, high: Any, best: Any) -> Any:
     # Share of the way to the stationary point at which this variable meets its bound.
-    beyond = _beyond(side, y, low, high)
+    beyond = ca.logic_and(side < 0, ca.logic_or(y < low, y > high))
     share = (_bound(y, low, high) - x) / ca.if_else(beyond, y - x, 1)
     first = ca.logic_and(beyond, share < best)
     return first, ca.if_else(first, share, best)
