@@ -131,8 +131,9 @@ class Builder:
     ) -> None:
         """Call a kernel for every element of the arrays among its arguments and results."""
         with self.loop(0, size, unroll=unroll) as i:
-            at = [[x[i] if isinstance(x, Memory) else x for x in refs] for refs in (args, results)]
-            self.call(name, *at, function)
+            known = [x[i] if isinstance(x, Memory) else x for x in args]
+            found = [x[i] if isinstance(x, Memory) else x for x in results]
+            self.call(name, known, found, function)
 
     @contextmanager
     def when(self, flag: Ref | tuple[Ix | int, str, Ix | int]) -> Iterator[None]:
