@@ -300,9 +300,7 @@ def _notes(
         *specimen_notes(verdict, softens),
     ]
     if fitted.member.timed and not all(r.timed for r in recordings):
-        notes.append(
-            "The relaxation times assume a sampling period; they scale with it."
-        )
+        notes.append("The relaxation times assume a sampling period; they scale with it.")
     if softens:
         notes.append(
             'The model softens and does not recover while it runs. start = "virgin" in the device '
