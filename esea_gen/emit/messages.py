@@ -81,7 +81,7 @@ class MessageStatus:
 
 @cache
 def mavlink_units() -> frozenset[str]:
-    package = from_extra("pymavlink", "link", "A MAVLink dialect")
+    package = from_extra("pymavlink", "link", "What a MAVLink message holds")
     schema = resources.files(package) / "generator" / "mavschema.xsd"
     root = ElementTree.fromstring(schema.read_bytes())
     ns = "{http://www.w3.org/2001/XMLSchema}"

@@ -58,7 +58,7 @@ def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
 
 def zig(target: str) -> tuple[str, ...]:
     """Command of zig's C compiler for what it calls a target."""
-    package = from_extra("ziglang", "compiler", "Compiling for other platforms")
+    package = from_extra("ziglang", "compiler", "What is compiled for other platforms")
     # What it makes of libraries is kept; what it makes of ours is kept by us.
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_folder() / "zig"))
     os.environ.setdefault("ZIG_LOCAL_CACHE_DIR", scratch_folder())
