@@ -340,6 +340,9 @@ class SystemSimulator:
                 out.append((p.name, int(isinstance(feed, Latch)), feed.name))
         return out
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {', '.join(self.blocks)}>"
+
     def release(self, tick: int) -> None:
         """Release what is due at a base tick; the tasks that start in it take hold of it.
 

@@ -316,6 +316,11 @@ class TorqueCheck:
         if len(signs) < 2 or not (min(errors) > room or max(errors) < -room):
             return None
         gain = 1 + float(np.mean(errors)) / self.known.torque_Nm
+        if gain <= 0:
+            return (
+                f"In both directions the sensor shows {gain:.3f} of the load: its sign is wrong.",
+                "If the mass turned the joint as stated, correct the encoders' directions.",
+            )
         rubber = "softer" if gain > 1 else "stiffer"
         load = "heavier or further out" if gain > 1 else "lighter or nearer"
         return (

@@ -358,7 +358,7 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
         problem = (
             f"The board switched itself off: {bench.fault_name(fault)}.",
             f"Was {masses[len(swings) - 1].mass_kg:g} kg on the arm, and did it hang straight down "
-            f"at {math.degrees(hangs_rad):.0f} deg?  Clear the fault, and do it again.",
+            f"at {math.degrees(hangs_rad):.0f} deg, untouched?  Clear the fault, and do it again.",
         )
         return StepResult("adaptation", ADAPTATION, figure, (), problem, {"fault": fault})
     judged = judged_swings(device, swings, hangs_rad)

@@ -258,7 +258,7 @@ def _checks(
         ),
         (
             "offset, of its bound", 100 * abs(found["offset_Nm"]) / own.offset_Nm.value, 99.0, "%",
-            "Do the step 'zero' again, with nothing on the joint.",
+            f"{touched}  If not, do the step 'zero' again, with nothing on the joint.",
         ),
         (
             "error of the motor's torque, of the known one",
