@@ -34,6 +34,7 @@ from esea_gen.studies.torque_check.procedure import (
     KnownLoad,
     ProcedureStep,
     judged_from_Nm,
+    limit_named,
     load_range_Nm,
     procedure,
     require,
@@ -135,8 +136,7 @@ class TorqueCheck:
 
     def limit_Nm(self, name: str) -> float:
         """A limit in Nm, for the known load."""
-        limit = next(x for x in LIMITS if x.name == name)
-        return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
+        return limit_named(name).torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
 
     # -- going through it ------------------------------------------------------------------------
 

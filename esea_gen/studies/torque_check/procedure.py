@@ -150,6 +150,10 @@ LIMITS = (
 )
 
 
+def limit_named(name: str) -> Limit:
+    return next(x for x in LIMITS if x.name == name)
+
+
 @dataclass(frozen=True)
 class ProcedureStep:
     label: str

@@ -17,7 +17,7 @@ from esea_gen.studies.torque_check.check import (
     CheckDecision,
     TorqueCheck,
 )
-from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, KnownLoad
+from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, KnownLoad, limit_named
 from esea_host.commissioning.bench import Capture, CommissioningBench, HandAct
 from esea_host.commissioning.drive import (
     AGAIN,
@@ -122,8 +122,7 @@ def _off(x: np.ndarray) -> float:
 
 
 def _limit_Nm(bench: CommissioningBench, criterion: str) -> float:
-    percent = next(x.percent for x in LIMITS if x.name == criterion)
-    return percent / 100 * bench.board.tau_full_scale_Nm
+    return limit_named(criterion).torque_Nm(bench.board.tau_full_scale_Nm, 0.0)
 
 
 # -- turned by hand -------------------------------------------------------------------------------
