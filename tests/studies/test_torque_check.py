@@ -188,6 +188,10 @@ def test_a_wrong_gain_fails_whatever_the_load(elbow, mass_kg, gain):
     assert "repeat with another mass" in to_do
 
 
+def test_a_reversed_sensor_is_no_stiff_rubber(elbow):
+    assert "its sign is wrong" in checked(elbow, sensor(gain=-1.0), KNOWN).suspects[0]
+
+
 @pytest.mark.parametrize("gain", [0.97, 1.03])
 @pytest.mark.parametrize("weighed", [False, True])
 @pytest.mark.parametrize("mass_kg", [0.6, 1.0, 1.5])
