@@ -50,7 +50,6 @@ OPERATIONS: dict[str, tuple[int | None, str]] = {
 }
 _BY_CODE = {code: name for name, (code, _) in OPERATIONS.items()} | {ca.OP_CONSTPOW: "pow"}
 BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
-COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
 class UnsupportedOperationError(UserError):

@@ -34,7 +34,6 @@ from esea_gen.studies.torque_check.procedure import (
     KnownLoad,
     ProcedureStep,
     judged_from_Nm,
-    limit_named,
     load_range_Nm,
     procedure,
     require,
@@ -136,7 +135,8 @@ class TorqueCheck:
 
     def limit_Nm(self, name: str) -> float:
         """A limit in Nm, for the known load."""
-        return limit_named(name).torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
+        limit = next(x for x in LIMITS if x.name == name)
+        return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
 
     # -- going through it ------------------------------------------------------------------------
 
@@ -409,11 +409,9 @@ class TorqueCheck:
             lines.append(
                 f"{m.label:10}{m.mean_Nm:12.4f}{m.drift_Nm:12.4f}{m.noise_Nm:12.4f}{m.samples:9d}"
             )
-        by_name: dict[str, list[CheckDecision]] = {}
-        for d in self.decisions:
-            by_name.setdefault(d.criterion, []).append(d)
+        decisions = self.decisions
         for limit in LIMITS:
-            found = by_name.get(limit.name, [])
+            found = [d for d in decisions if d.criterion == limit.name]
             if not found:
                 continue
             # The one that comes nearest to its limit, or exceeds it most.

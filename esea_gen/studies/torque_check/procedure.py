@@ -148,10 +148,7 @@ LIMITS = (
         "steepest, rate terms included",
     ),
 )
-
-
-def limit_named(name: str) -> Limit:
-    return next(x for x in LIMITS if x.name == name)
+ZERO_LIMIT = LIMITS[0]
 
 
 @dataclass(frozen=True)

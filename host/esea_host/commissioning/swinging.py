@@ -18,7 +18,7 @@ from esea_gen.device import Device
 from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import LeastSquares, fit_linear
-from esea_gen.studies.torque_check.procedure import KnownLoad, limit_named
+from esea_gen.studies.torque_check.procedure import ZERO_LIMIT, KnownLoad
 from esea_host.commissioning.drive import gear_torque_Nm, window
 from esea_host.commissioning.startup import DriveRecording, StartupCheck, travel
 from esea_host.recording.layout import Array
@@ -221,7 +221,7 @@ def _checks(
     assert own is not None
     bound = 1 / own.scale_least.value if gain > 1 else 1 / own.scale_most.value
     # What is sensed with nothing on the joint has passed the step 'zero' with this limit.
-    zero_Nm = limit_named("zero").torque_Nm(device.tau_full_scale_Nm, 0.0)
+    zero_Nm = ZERO_LIMIT.torque_Nm(device.tau_full_scale_Nm, 0.0)
     touched = "Does a hand rest on the arm, or a cable pull at it?"
     rows = (
         (
