@@ -98,11 +98,7 @@ def test_a_shipped_drives_board_takes_no_zero_from_the_device_file(name):
         ({"actuator": {"gear_ratio": 20.0}}, "actuator", "the joint by 6.7 rad/s^2, below 10"),
         ({"actuator": {"gear_ratio": 20.0, "J_kgm2": 0.663}}, "actuator", "a rotor of 0.0017"),
         ({"actuator": {"u_max_Nm": 0.05}, "safety": {"u_max_Nm": 0.05}}, "actuator", "3.7 Nm"),
-        (
-            {"safety": {"u_max_Nm": 5.0}, "actuator": {"u_max_Nm": 5.0}},
-            "actuator",
-            "above 10",
-        ),
+        ({"safety": {"u_max_Nm": 5.0}, "actuator": {"u_max_Nm": 5.0}}, "actuator", "above 10"),
         ({"actuator": {"tau_c_s": 0.5}}, "actuator", "follow up to 0.32 Hz"),
         ({"safety": {"tau_max_Nm": 4.0}}, "safety", "trips below full scale"),
         ({"elastomer": {"k1_Nm_rad": 1.0, "k3_Nm_rad3": 1.0}}, "safety", "never trips"),

@@ -367,8 +367,7 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
     left = [("sensed, less what the masses explain", judged.left_Nm)]
     unit = "Nm; dashed: limit, effective"
     over(below, judged.time_s, left, "time in both swings, s", unit, judged.left_limit_Nm)
-    found = judged.found
-    return StepResult("adaptation", ADAPTATION, figure, judged.checks, found=found, note=note)
+    return StepResult("adaptation", ADAPTATION, figure, judged.checks, None, judged.found, note)
 
 
 def _swung(
