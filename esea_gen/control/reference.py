@@ -241,7 +241,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     for p in block.inputs:
         hit = rng.random(steps) < 0.002
         x[p.name][hit] = rng.choice(SPECIAL, int(hit.sum()))
-    return [Stream("modes held", x)]
+    return [Stream("modes held", x, rough=True)]
 
 
 STREAMS = OwnStreams(_events)
