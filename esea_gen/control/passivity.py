@@ -38,6 +38,8 @@ RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
 STILL_RAD_S, REST_S = 0.04, 1.0
 """Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
+SLOW_RAD_S = 0.02
+"""Below that speed, mostly the encoder's counts, the fading does not take a motion for slow."""
 MOVES_RAD_S = 0.01
 """Above that speed of the limb nothing looks ahead along the set torque: the damping is in it."""
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
@@ -149,6 +151,11 @@ class _Passivity:
             Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
             Port.flag("seen", "1 when the last sample was good"),
         )
+        if self.own.fade_Hz is not None:
+            self.state += (
+                around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
+                Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
+            )
         self.inputs = (
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
@@ -258,7 +265,8 @@ class _Passivity:
         rest = (most - s.damping_Nms_rad) * (self.still / REST_S)
         change = self.h * (rate * missing + rest) / (ca.fmax(N, 0.0) + self.still)
         b = label("damping_Nms_rad", clip(s.damping_Nms_rad + change, 0.0, most), "[pas 3]")
-        added = ca.if_else(now.on, b, 0.0)
+        fade = self._fade(s, u, N, counted)
+        added = ca.if_else(now.on, b * fade.pop("share", 1.0), 0.0)
         limit = self.tau_set_lim
         tau_set = clip(u.tau_set_Nm - added * u.omega_load_rad_s, -limit, limit)
         ahead = ca.logic_and(u.mode < 1.5, N > MOVES_RAD_S**2)
@@ -268,6 +276,7 @@ class _Passivity:
             "damping_Nms_rad": b,
             "theta_load_last_rad": u.theta_load_rad,
             "error_last_Nm": error,
+            **fade,
         }
         told = {
             "tau_set_Nm": tau_set,
@@ -275,6 +284,18 @@ class _Passivity:
             "mode_ahead": ca.if_else(now.on, ca.if_else(ahead, IMPEDANCE, u.mode), OFF),
         }
         return next_state, told
+
+    def _fade(self, s: Any, u: Any, N: Any, counted: Any) -> dict[str, Any]:
+        # A damping that comes late drives a fast swing, for which more of it would be added.  Its
+        # share is taken from mean squares: a filter in its way would make it later still.
+        if self.own.fade_Hz is None:
+            return {}
+        gain = 1 - math.exp(-2 * math.pi * self.own.fade_Hz.value * self.h)
+        slow = s.slow_rad_s + gain * (u.omega_load_rad_s - s.slow_rad_s)
+        square = ca.if_else(counted, slow * slow, 0.0)
+        square = ca.fmax(s.slow_rad2_s2 + (1 - self.keep) * (square - s.slow_rad2_s2), 0.0)
+        share = ca.fmin(square / (ca.fmax(N, 0.0) + SLOW_RAD_S**2), 1.0)
+        return {"slow_rad_s": slow, "slow_rad2_s2": square, "share": 0.5 + 0.5 * share}
 
     def _gate(
         self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels

@@ -296,10 +296,10 @@ def study_interaction(
         raise UserError(
             f"{points} points along each axis.", f"Give {FEWEST_POINTS} to {MOST_POINTS}."
         )
-    if not 0 < push_rad_s <= MOST_PUSH_RAD_S:
+    if not 0 < abs(push_rad_s) <= MOST_PUSH_RAD_S:
         raise UserError(
             f"A push of {push_rad_s:g} rad/s.",
-            f"Give more than 0 and at most {MOST_PUSH_RAD_S:g} rad/s: a faster hand would leave "
+            f"Give up to {MOST_PUSH_RAD_S:g} rad/s, either way but not 0: a faster hand would leave "
             "the range of motion.",
         )
     if seed < 0:
