@@ -344,7 +344,7 @@ class PassiveInteraction(Section):
 
     damping_Nms_rad: Quantity = number(1e-3, 5, "Largest damping added; Kd counts as a part of it.")
     fade_Hz: Quantity | None = optional(
-        0.1, 100, "Above this frequency of the motion it fades to half; without the key nowhere."
+        0.1, 100, "Above this frequency of the motion it fades to 30 %; without the key nowhere."
     )
     least_Nms_rad: Quantity = number(0, 1, "Damping that a hand feels at least.")
     window_s: Quantity = number(1e-2, 10, "Time over which power and speed are averaged.")
