@@ -38,8 +38,8 @@ RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
 STILL_RAD_S, REST_S = 0.04, 1.0
 """Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
-FADED, SLOW_RAD_S = 0.3, 0.01
-"""Share of the damping that a fast swing gets; below that speed any motion counts as slow."""
+FADED, SLOW_RAD_S = 0.3, 0.02
+"""Share of the damping that a fast swing gets; below that speed, mostly counts, any motion does."""
 MOVES_RAD_S = 0.01
 """Above that speed of the limb nothing looks ahead along the set torque: the damping is in it."""
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
@@ -294,7 +294,7 @@ class _Passivity:
         slow = s.slow_rad_s + gain * (u.omega_load_rad_s - s.slow_rad_s)
         square = ca.if_else(counted, slow * slow, 0.0)
         square = ca.fmax(s.slow_rad2_s2 + (1 - self.keep) * (square - s.slow_rad2_s2), 0.0)
-        share = ca.fmin((square + SLOW_RAD_S**2) / (ca.fmax(N, 0.0) + SLOW_RAD_S**2), 1.0)
+        share = ca.fmin(square / (ca.fmax(N, 0.0) + SLOW_RAD_S**2), 1.0)
         return {"slow_rad_s": slow, "slow_rad2_s2": square, "share": FADED + (1 - FADED) * share}
 
     def _gate(
