@@ -134,6 +134,10 @@ class _Passivity:
             Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables
         )
         u_room = 1.001 * self.u_max
+        slow = (
+            around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
+            Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
+        )
         self.state = (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
@@ -150,12 +154,8 @@ class _Passivity:
             Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
             Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
             Port.flag("seen", "1 when the last sample was good"),
+            *(slow if self.own.fade_Hz else ()),
         )
-        if self.own.fade_Hz is not None:
-            self.state += (
-                around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
-                Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
-            )
         self.inputs = (
             Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
             Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
