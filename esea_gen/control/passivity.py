@@ -157,9 +157,9 @@ class _Passivity:
             *(slow if self.own.fade_Hz else ()),
         )
         self.inputs = (
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-            Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
-            Port("request_ok", 0.0, 1.0, "1 while what is wanted is sound"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.flag("sensing_ok", "1 while the measurements are good"),
+            Port.flag("request_ok", "1 while what is wanted is sound"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
@@ -173,10 +173,8 @@ class _Passivity:
         self.outputs = (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
-            Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
-            Port(
-                "request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state or tunable"
-            ),
+            Port.count("mode_ahead", 2, "mode; 2 while the set torque follows the limb's motion"),
+            Port.flag("request_ok", "that of the input, and 0 with a corrupt state or tunable"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
@@ -193,7 +191,7 @@ class _Passivity:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
+        seen = ca.logic_and(guard.inputs_ok, u.sensing_ok)
         going = label("going", ca.logic_and(seen, s.seen), "two samples in a row are good")
         whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients}
         sound = label("tunables_valid", ca.logic_and(*whole.values()), "else the limits latch")
@@ -230,7 +228,7 @@ class _Passivity:
         outputs = told | {
             # What was given is forgotten with the memory, and a bound outside its range bounds
             # nothing: the limits latch.
-            "request_ok": ca.logic_and(u.request_ok == 1, ca.logic_and(guard.state_ok, sound)),
+            "request_ok": ca.logic_and(u.request_ok, ca.logic_and(guard.state_ok, sound)),
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,

@@ -119,12 +119,14 @@ class Executor(ABC):
     def state(self, values: Mapping[str, Any]) -> None:
         for name in self._s.keys() & values.keys():
             self._s[name][:] = np.asarray(values[name], dtype=float).ravel()
+        _reject_fractions(self.block.state, self._s)
 
     def step(self, **inputs: float | Array) -> dict[str, Any]:
         if inputs.keys() != self._u.keys():
             raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
         for name, value in inputs.items():
             self._u[name][:] = value
+        _reject_fractions(self.block.inputs, self._u)
         self._advance()
         out: dict[str, Any] = {}
         for p in self.block.outputs:
@@ -152,6 +154,7 @@ class Executor(ABC):
         states = np.empty((steps, len(self._state)))
         for k in range(steps):
             self._inputs[:] = rows[k]
+            _reject_fractions(self.block.inputs, self._u)
             self._advance()
             outputs[k] = self._outputs
             states[k] = self._state
@@ -184,6 +187,14 @@ class Executor(ABC):
             lengths = {n: len(c) for n, c in columns.items()}
             raise ValueError(f"{self.block.name}.run: inputs of different lengths: {lengths}")
         return np.column_stack([c.reshape(len(c), -1) for c in columns.values()])
+
+
+def _reject_fractions(ports: Sequence[Port], values: Mapping[str, Array]) -> None:
+    # Of a flag or a count what is no whole number is invalid: C can hold none.
+    for p in ports:
+        if p.kind != "quantity":
+            x = values[p.name]
+            x[np.ceil(x) != x] = np.nan
 
 
 def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:

@@ -114,12 +114,12 @@ class _Cable:
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
             around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            Port.flag("gear_usable", "1 when the motor's encoder is usable"),
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
             around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
         )
         self.outputs = (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
@@ -134,7 +134,7 @@ class _Cable:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
+        both = ca.logic_and(u.motor_usable, u.gear_usable)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
         lost = self.own.loss.value * ca.fabs(u.tau_Nm)
         pull = u.tau_Nm + lost * clip(u.omega_gear_rad_s / self.width, -1.0, 1.0)

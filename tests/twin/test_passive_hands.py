@@ -135,7 +135,7 @@ def parts(base):
         "All torque, whatever is measured",
         period_s=base.control_period_s,
         state=(Port("runs", 0, 1, "nothing"),),
-        inputs=(Port("mode", 0, 2, "mode"),),
+        inputs=(Port.count("mode", 2, "mode"),),
         outputs=(around("u_command_Nm", 0.221, "command"),),
         step=step,
     )
