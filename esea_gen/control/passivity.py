@@ -133,12 +133,16 @@ class _Passivity:
         self.coefficients = tuple(
             Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables
         )
+        self.state = self._state()
+        self._ends()
+
+    def _state(self) -> tuple[Port, ...]:
         u_room = 1.001 * self.u_max
         slow = (
             around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
             Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
         )
-        self.state = (
+        return (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
             # Room for a fixed-point clip, which rounds its ends.
@@ -156,6 +160,8 @@ class _Passivity:
             Port.flag("seen", "1 when the last sample was good"),
             *(slow if self.own.fade_Hz else ()),
         )
+
+    def _ends(self) -> None:
         self.inputs = (
             Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
             Port.flag("sensing_ok", "1 while the measurements are good"),

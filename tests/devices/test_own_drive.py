@@ -154,7 +154,6 @@ def test_the_elbow_scaled_to_a_wrist_has_what_was_designed_for_the_wrist():
         "actuator.J_kgm2",
         "disturbance.gain_tau_Nm_rad",
         "disturbance.gain_rate_Nm_s_rad",
-        "passivity.damping_Nms_rad",
         "passivity.Kp_max_Nm_rad",
         "sliding_mode.lambda_1_s",
         "sliding_mode.J_unc_kgm2",
