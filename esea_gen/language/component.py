@@ -171,8 +171,7 @@ class Executor(ABC):
         # The inputs as a row a step.
         table = not isinstance(inputs, Mapping) and hasattr(inputs, "columns")
         if not isinstance(inputs, Mapping) and not table:
-            rows = np.asarray(inputs, dtype=float)
-            rows = rows[:, None] if rows.ndim == 1 else rows
+            rows = self._numbers("the array", inputs)
             if rows.ndim != 2 or rows.shape[1] != len(self._inputs):
                 raise ValueError(
                     f"{self.block.name}.run: an array of shape {rows.shape}, and its inputs are "
@@ -182,11 +181,18 @@ class Executor(ABC):
         names = _elements(self._u) if table else list(self._u)
         if missing := [n for n in names if n not in inputs]:
             raise ValueError(f"{self.block.name}.run: no {missing[0]}; it takes {names}")
-        columns = {n: np.asarray(inputs[n], dtype=float) for n in names}
+        columns = {n: self._numbers(n, inputs[n]) for n in names}
         if len({len(c) for c in columns.values()}) > 1:
             lengths = {n: len(c) for n, c in columns.items()}
             raise ValueError(f"{self.block.name}.run: inputs of different lengths: {lengths}")
-        return np.column_stack([c.reshape(len(c), -1) for c in columns.values()])
+        return np.column_stack(list(columns.values()))
+
+    def _numbers(self, name: str, values: Any) -> Array:
+        try:
+            found = np.asarray(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{self.block.name}.run: {name}: {error}") from None
+        return found[:, None] if found.ndim == 1 else found
 
 
 def _reject_fractions(ports: Sequence[Port], values: Mapping[str, Array]) -> None:
