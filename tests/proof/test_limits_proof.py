@@ -100,7 +100,7 @@ FAULTS = {
     ),
     "the request is not remembered": (
         "request_spent",
-        _everywhere(r"(state->rearm_last\w*) = \w+;", r"\1 = \1;"),
+        _everywhere(r"(state->rearm_last\w*) = [^;]+;", r"\1 = \1;"),
     ),
     "the change is not limited": ("command_rate", _in("u_followed", r"(?s).*", "u_shaped@")),
 }
