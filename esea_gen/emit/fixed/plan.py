@@ -60,7 +60,10 @@ def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
     index = "" if f.size == 1 else f"[{element}]"
     text = f"{pointer}->{f.name}{index}"
-    return f"(int32_t){text}" if f.whole and f.kind != "flag" else text
+    if f.kind == "count":  # a conversion of what does not fit is the compiler's choice
+        most = f"{ex.INT32[1]}u"
+        return f"(int32_t)({text} < {most} ? {text} : {most})"
+    return f"(int32_t){text}" if f.word else text
 
 
 def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
@@ -220,8 +223,8 @@ def raw_places(
         table = np.asarray(c, dtype=object).reshape(-1, f.size)
         for k in range(f.size):
             held = [int(v) & ex.UINT32[1] if f.whole else int(v) for v in table[:, k]]
-            if f.kind == "count":  # as the C casts it
-                held = [v - (v > ex.INT32[1]) * 2**32 for v in held]
+            if f.kind == "count":
+                held = [min(v, ex.INT32[1]) for v in held]
             out[_place(pointer, f, k)] = np.array(held, dtype=object)
     return out
 
