@@ -56,8 +56,7 @@ def active(board, **wanted: float):
 
 def told(board, name: str) -> float:
     board.step()
-    flag = name.startswith(("constrained", "acts_"))
-    return (board.words if flag else board.values)[board.places[name]]
+    return board.values[board.places[name]]
 
 
 @pytest.mark.ci

@@ -120,9 +120,8 @@ class Step:
     def _number(self, group: str, name: str, index: int | None, term: str | None) -> Number:
         place = self._place(group, name, index)
         kind = self.reader.fields[place]
-        unsigned = self._port(group, name).kind != "quantity"
-        fraction = 0 if unsigned else self.c.renderer.naming.fraction(self.block, group, name)
-        return of_field(term or self.script.unknown(place, kind.sort), fraction, unsigned)
+        fraction = self.c.renderer.naming.fraction(self.block, group, name)
+        return of_field(term or self.script.unknown(place, kind.sort), fraction)
 
     def coef(self, name: str) -> Number:
         """A coefficient."""

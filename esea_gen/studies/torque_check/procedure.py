@@ -148,7 +148,6 @@ LIMITS = (
         "steepest, rate terms included",
     ),
 )
-ZERO_LIMIT = LIMITS[0]
 
 
 @dataclass(frozen=True)
