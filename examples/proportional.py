@@ -85,7 +85,7 @@ def proportional(base: Base) -> Block:
         prepare=prepare,
         state=(Port("error_Nm", -2 * tau_Nm, 2 * tau_Nm, "torque error, smoothed"),),
         inputs=(
-            Port("mode", 0, 2, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
             Port("tau_set_Nm", -tau_Nm, tau_Nm, "wanted torque"),
             Port("tau_Nm", -tau_Nm, tau_Nm, "measured torque"),
             Port("omega_motor_rad_s", -drive.omega_rad_s, drive.omega_rad_s, "motor side's speed"),

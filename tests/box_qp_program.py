@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp, one, same, zero
+from esea_gen.control.predictive.box_qp import UNROLL_MOST, QpMemory, add_box_qp
+from esea_gen.control.predictive.kernels import one, same, zero
 from esea_gen.language.builder import Builder, declare_ports
 from esea_gen.language.ports import Flag, Port, clip, flag_word
 from esea_gen.language.program import Program
@@ -79,7 +79,7 @@ def _check(
     for p in inputs:
         b.call("none", [], [total[0]], zero)
         with b.loop(0, p.size, unroll=unroll) as i:
-            b.call("magnitude", [u[p.name][i], total[0]], [total[0]], _magnitude)
+            b.call("magnitude", [u[p.name][i], total[0]], [total[0]], lambda x, s: s + ca.fabs(x))
         b.call(
             "finite",
             [total[0], valid[0]],
@@ -93,10 +93,6 @@ def _check(
             [valid[0]],
             lambda low, high, v: ca.logic_and(v, low <= high),
         )
-
-
-def _magnitude(x: Any, s: Any) -> Any:
-    return s + ca.fabs(x)
 
 
 def _rest(b: Builder, m: QpMemory) -> None:

@@ -18,7 +18,7 @@ from esea_gen.language.system import System, Task
 from tests.conftest import require_tool
 
 REALS = ["f64", "f32"]
-MODES, REARMS = range(3), range(8)
+REARMS = range(8)
 
 
 def down(x: float) -> float:
@@ -109,6 +109,10 @@ def compiled(device: Device, real: str) -> CRunner:
 # -- the semantics a second time: a plain state machine --------------------------------------------
 
 
+WHOLE = {"stop", "mode", "rearm", "doubt", "control_beat", "late_level"}
+WHOLE |= {"request_ok", "sensing_ok", "clock_ok", "coeffs_ok"}
+
+
 class PlainLimits:
     """What docs/limits.md says, tick by tick, in plain floats; ``unsure`` collects near ties."""
 
@@ -121,11 +125,12 @@ class PlainLimits:
     def step(self, **x: float) -> dict:
         n = self.n
         self.tick += 1
+        # A flag, a count or a choice that is no whole number is none.
+        x |= {k: np.nan for k, v in x.items() if k in WHOLE and v % 1 != 0}
         valid = all(lo <= x[k] <= hi for k, (lo, hi) in n.ranges.items() if k != "stop")
         bad_stop = x["stop"] != 0
         stop_invalid = not 0 <= x["stop"] <= 1
-        ok = valid and not stop_invalid and x["mode"] in MODES and x["rearm"] in REARMS
-        ok = ok and x["request_ok"] == 1 and x["doubt"] in range(4)
+        ok = valid and not stop_invalid and x["request_ok"] == 1
         near = []
 
         beat = x["control_beat"] if 0 <= x["control_beat"] <= 255 else self.beat

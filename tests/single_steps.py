@@ -22,7 +22,7 @@ def drawn(p: Port, rng: np.random.Generator, scale: np.ndarray) -> np.ndarray:
     kind = rng.random(shape)
     x = np.where(kind < 0.75, scale * wide, np.where(kind < 0.9, wide, ends))
     if p.unit == "1":  # mostly a mode, a place, or whether something is so
-        x = np.where((rng.random(shape) < 0.7) | (p.kind == "flag"), np.rint(wide), x)
+        x = np.where((rng.random(shape) < 0.7) | p.whole, np.rint(wide), x)
     return np.clip(x, p.low, p.high)
 
 

@@ -23,7 +23,7 @@ LINK = """
 typedef int esea_link_control_t, esea_link_in_t, esea_link_out_t;
 typedef int mavlink_message_t, mavlink_status_t;
 typedef int mavlink_signing_t, mavlink_signing_streams_t;
-typedef struct { float mode, stop, rearm; float desired[3]; } esea_link_wanted_t;
+typedef struct { uint32_t mode, stop, rearm; float desired[3]; } esea_link_wanted_t;
 #define ESEA_LINK_TASKS 2
 #define ESEA_LINK_STREAMS 1
 #define ESEA_LINK_STREAM_WORDS 1

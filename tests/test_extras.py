@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from esea_gen.link.transport import LinkError, open_transport
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 # Every module of these packages is as good as not installed.
 WITHOUT = """
@@ -52,19 +52,11 @@ def test_the_core_builds_c_and_says_that_a_dialect_needs_the_link(tmp_path):
     assert not (tmp_path / "c" / "dialect").exists()
 
 
-@pytest.mark.parametrize("command", ["report", "emulate"])
+@pytest.mark.parametrize("command", ["report", "emulate", "firmware"])
 def test_a_long_command_names_the_link_before_it_starts(tmp_path, command):
     code, said = without(LINK, command, "nothing.toml", cwd=tmp_path)
     assert code == 2
     assert f'esea-gen {command} needs pymavlink, which is not installed. {INSTALL}[link]"' in said
-
-
-@pytest.mark.ci
-def test_what_needs_the_link_names_the_extra(tmp_path):
-    require_tool("gcc")
-    code, said = without(LINK, "firmware", "elbow", "--board", "host", cwd=tmp_path)
-    assert code == 2
-    assert f'needs pymavlink, which is not installed. {INSTALL}[link]"' in said
 
 
 def test_a_serial_port_without_pyserial_names_the_extra(monkeypatch):

@@ -67,7 +67,7 @@ def test_a_tasks_messages_carry_its_ports_in_order(system):
         for x in (*system.task_inputs(task), *system.task_outputs(task)):
             f = next(f for f in (*given.fields, *made.fields) if f.name == x.name)
             assert (f.c_type, f.size) == (
-                ("uint32_t", 1) if x.port.flags else ("float", x.port.size)
+                ("uint32_t", 1) if x.port.whole else ("float", x.port.size)
             )
             assert bool(f.enum) == bool(x.port.flags)
         period_ms = task.every * system.base_period_s * 1000

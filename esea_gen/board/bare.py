@@ -191,7 +191,11 @@ def _rows(
 ) -> list[list[str]]:
     packed = library.task(task.name).pack(inputs)
     names = packed.dtype.names or ()
-    rows = [[fmt.literal(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
+
+    def text(v: Any) -> str:
+        return f"{v}u" if v.dtype == np.uint32 else fmt.literal(v)
+
+    rows = [[text(v) for n in names for v in np.atleast_1d(row[n])] for row in packed]
     return [row or ["0"] for row in rows]
 
 
@@ -211,5 +215,5 @@ def _expected(
             for i in range(x.port.size):
                 index = "" if x.port.size == 1 else f"[{i}]"
                 name = f"{task.name}_out.{x.name}{index}"
-                words.append({"name": name, "word": bool(x.port.flags)})
+                words.append({"name": name, "word": x.port.whole})
     return words, np.hstack(columns)

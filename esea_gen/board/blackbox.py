@@ -28,11 +28,11 @@ class BlackboxRecord:
     measured: dict[str, float]
 
 
-def _desired(device: Device) -> list[tuple[str, int]]:
+def _desired(device: Device) -> list[tuple[str, int, str]]:
+    # Name, elements and format of each.
     roles = board_roles(device.system)
-    if not roles.drive:
-        return [*((x.name, x.port.size) for x in roles.wanted), ("mode", 1)]
-    return [(x.name, x.port.size) for x in roles.wanted if x.name not in _PACKED]
+    found = [(x.name, x.port.size, "I" if x.port.whole else "f") for x in roles.wanted]
+    return [x for x in found if x[0] not in _PACKED] if roles.drive else [*found, ("mode", 1, "I")]
 
 
 def _head(device: Device) -> struct.Struct:
@@ -42,21 +42,22 @@ def _head(device: Device) -> struct.Struct:
 
 def record_bytes(device: Device) -> int:
     """Size of a record."""
-    floats = sum(size for _, size in _desired(device)) + len(board_roles(device.system).measured)
-    return _head(device).size + 4 * floats
+    words = sum(size for _, size, _ in _desired(device)) + len(board_roles(device.system).measured)
+    return _head(device).size + 4 * words
 
 
 def read_record(device: Device, data: bytes) -> BlackboxRecord:
     """A record out of its bytes."""
     head, roles = _head(device), board_roles(device.system)
     _, _, tick, state, fault, flags, faults, *u_Nm = head.unpack_from(data)
-    values = struct.unpack_from(f"<{(len(data) - head.size) // 4}f", data, head.size)
+    layout = "".join(form * size for _, size, form in _desired(device))
+    values = struct.unpack_from(f"<{layout}{len(roles.measured)}f", data, head.size)
     wanted: dict[str, float | tuple[float, ...]] = {}
     if roles.drive:
         packed = (flags & 3, flags >> 2 & 1, flags >> 3 & 7)
         wanted = {n: float(v) for n, v in zip(_PACKED, packed, strict=True)}
     at = 0
-    for name, size in _desired(device):
+    for name, size, _ in _desired(device):
         wanted[name] = values[at] if size == 1 else values[at : at + size]
         at += size
     names = [x.name for x in roles.measured]

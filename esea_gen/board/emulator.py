@@ -21,6 +21,7 @@ from esea_gen.emit.build import format_hash
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device, find_compiler
+from esea_gen.hostlib.codec import to_whole
 from esea_gen.hostlib.compiler import compiler_version
 from esea_gen.hostlib.library import run_schedule
 from esea_gen.language.system import Task
@@ -113,7 +114,7 @@ class RunningBoard(Session):
             outputs[name] = {
                 x.name: np.zeros(
                     (runs,) if x.port.size == 1 else (runs, x.port.size),
-                    np.uint32 if x.port.flags else np.float32,
+                    np.uint32 if x.port.whole else np.float32,
                 )
                 for x in system.task_outputs(system.task(name))
             }
@@ -139,7 +140,8 @@ class RunningBoard(Session):
         return outputs, ticks
 
     def _messages(self, task: Task, inputs: Mapping[str, Array]) -> Iterator[Any]:
-        columns = [inputs[x.name].tolist() for x in self.device.system.task_inputs(task)]
+        given = [(x.port, inputs[x.name]) for x in self.device.system.task_inputs(task)]
+        columns = [(to_whole(a) if p.whole else a).tolist() for p, a in given]
         runs = len(next(iter(inputs.values())))
         rows = zip(*columns, strict=True) if columns else iter([()] * runs)
         for i, row in enumerate(rows):

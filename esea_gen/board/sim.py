@@ -95,8 +95,8 @@ class SimBoard(Session):
             for x in (*system.task_inputs(task), *system.task_outputs(task)):
                 self.places[x.name] = size
                 size += x.port.size
-        self._words = self._ffi.new("uint32_t[]", size)
-        self.values = self._ffi.cast("float *", self._words)
+        self.words = self._ffi.new("uint32_t[]", size)
+        self.values = self._ffi.cast("float *", self.words)
         super().__init__(SimTransport(self.lib, self._ffi), dialect, 1.0)
         self.clock_s = lambda: float(self.lib.sim_time_ms()) * 1e-3
         self.lib.sim_start()
@@ -150,7 +150,7 @@ class SimBoard(Session):
 
     def step(self) -> None:
         """A base tick with all that belongs to it, at which ``drivers`` is measured."""
-        self.lib.sim_step(self.drivers, self._words)
+        self.lib.sim_step(self.drivers, self.words)
 
     def ticks(self, count: int = 1, *, poll: bool = True) -> None:
         """Let so many base ticks pass."""

@@ -40,6 +40,7 @@ def firmware(
     """
     from esea_gen.board.firmware import build_firmware
 
+    from_extra("pymavlink", "link", "esea-gen firmware")
     loaded = esea_gen.load_device(device, controller)
     fits, times, needs_Hz = _fits(loaded, board, cycles)
     image = build_firmware(loaded, board, folder or Path("build") / loaded.name, needs_Hz=needs_Hz)

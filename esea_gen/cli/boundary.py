@@ -168,7 +168,7 @@ def explained(error: BaseException) -> str | None:
         return f"{INPUT}: it is nested too deeply. {_given()}"
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("esea"):
         return (
-            f"This needs {error.name.partition('.')[0]}, which is not installed. "
+            f"This command needs {error.name.partition('.')[0]}, which is not installed. "
             'Install it with: pip install "esea-gen[host]"'
         )
     if isinstance(error, ImportError) and ".so" in str(error):

@@ -45,7 +45,8 @@ DrawOption = Annotated[
     Path | None,
     option(
         "--draw FILE",
-        "Picture of the search and of the best so far, drawn anew as it goes.",
+        "Picture of the published form's search on the training files, updated as it goes; a "
+        "chosen member is in the report.",
         callback=writable,
     ),
 ]
@@ -89,10 +90,9 @@ def identify(
     Of a recording without a mapping (FILE.csv), propose one and write it beside the file.
     """
     if mapping.suffix.lower() != ".toml" and mapping.is_file():
-        settings = [p for p in context.command.params if p.name != "mapping"]
-        for p in settings:
+        for p in context.command.params:
             source = context.get_parameter_source(p.name or "")
-            if source is not None and source.name == "COMMANDLINE":
+            if p.name != "mapping" and source is not None and source.name == "COMMANDLINE":
                 raise UserError(
                     f"{p.opts[0]}: '{mapping}' is a recording, not a mapping file.",
                     "Leave it out: the mapping is proposed first.",
@@ -205,13 +205,8 @@ def _compare_models(
     if missing:
         out.print(f"note: instructions are not counted. {missing}")
     with progress_share() as tell:
-        result = compare(
-            mapping,
-            data,
-            None if missing else sensor_instructions,
-            tell,
-            how=how,
-        )
+        cost = None if missing else sensor_instructions
+        result = compare(mapping, data, cost, tell, how=how)
     show(result, json_file, "identify-compare")
     return result
 

@@ -114,12 +114,12 @@ class _Impairment:
         self.inputs = (
             around("theta_rad", self.theta, "angle of the joint from the neutral position"),
             around("omega_rad_s", self.omega, "its rate"),
-            Port("constrained", 0.0, 1.0, "1 asks for the impairment"),
+            Port.flag("constrained", "1 asks for the impairment"),
         )
         self.outputs = (
             around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
-            Port("acts", 0.0, 1.0, "1 while the impairment acts"),
-            Port("usable", 0.0, 1.0, "1 while nothing here was invalid or corrupt"),
+            Port.flag("acts", "1 while the impairment acts"),
+            Port.flag("usable", "1 while nothing here was invalid or corrupt"),
             status_port(
                 "what is known of it",
                 "an input was NaN or outside its range; no torque",
@@ -138,7 +138,7 @@ class _Impairment:
         inside = label("inside", depth > 0)
         resting = ca.logic_and(ca.fabs(u.omega_rad_s) <= threshold(REST_RAD_S), guard.inputs_ok)
         may = label("may_switch", ca.logic_and(resting, ca.logic_not(inside)), "no torque jumps")
-        asked = u.constrained > 0.5
+        asked = u.constrained
         kept = ca.logic_and(ca.logic_not(may), s.on)
         on = label("on_now", ca.logic_or(ca.logic_and(may, asked), kept))
         values = {

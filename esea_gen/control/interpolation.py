@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.reference import IMPEDANCE, OFF
+from esea_gen.control.reference import IMPEDANCE
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
@@ -56,7 +56,7 @@ class _Interpolation:
             )
 
         self.state = (
-            Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
+            Port.count("mode_last", IMPEDANCE, "mode of the last step"),
             *desired("last", "as received: desired "),
             *desired("now", "interpolated: desired "),
             Port("age", 0.0, self.most, "periods since the last change", init=self.most),
@@ -64,12 +64,12 @@ class _Interpolation:
             Port("left", 1.0, self.most, "periods until the ramp ends", init=1.0),
         )
         self.inputs = (
-            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance"),
             *desired("desired", "desired "),
         )
         self.outputs = (
             *desired("desired", "interpolated: desired "),
-            Port("wish_ok", 0.0, 1.0, "1 while every input and the memory are sound"),
+            Port.flag("wish_ok", "1 while every input and the memory are sound"),
             status_port(
                 "what is known of it",
                 "an input was NaN or outside its range; the limits latch",

@@ -75,11 +75,11 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
         inputs=(
             Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
             *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
-            *(Port(f"ok_{n}", 0, 1, f"1 while what {n} is asked for is sound") for n in checked),
+            *(Port.flag(f"ok_{n}", f"1 while what {n} is asked for is sound") for n in checked),
         ),
         outputs=(
             Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
-            Port("request_ok", 0, 1, "1 while what the law in force is asked for is sound"),
+            Port.flag("request_ok", "1 while what the law in force is asked for is sound"),
             Port("law_held", 0, last, "place of the law in force"),
             status_port(
                 "what is known of the choice",

@@ -38,6 +38,8 @@ RISE_1_S, FALL_1_S = 6.0, 0.7
 """How fast the added damping follows what is missing, and what is too much."""
 STILL_RAD_S, REST_S = 0.04, 1.0
 """Below that speed a limb rests: nothing can be told, and all damping comes back in that time."""
+FADED, SLOW_RAD_S = 0.3, 0.02
+"""Share of the damping that a fast swing gets; below that speed, mostly counts, any motion does."""
 MOVES_RAD_S = 0.01
 """Above that speed of the limb nothing looks ahead along the set torque: the damping is in it."""
 FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long before
@@ -131,8 +133,16 @@ class _Passivity:
         self.coefficients = tuple(
             Port(t.name, t.low, t.high, t.meaning.split(":")[0]) for t in self.tunables
         )
+        self.state = self._state()
+        self._ends()
+
+    def _state(self) -> tuple[Port, ...]:
         u_room = 1.001 * self.u_max
-        self.state = (
+        slow = (
+            around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
+            Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
+        )
+        return (
             around("power_W", self.power_lim, "mean power that the error gives to the limb"),
             Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
             # Room for a fixed-point clip, which rounds its ends.
@@ -148,11 +158,14 @@ class _Passivity:
             Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
             Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
             Port.flag("seen", "1 when the last sample was good"),
+            *(slow if self.own.fade_Hz else ()),
         )
+
+    def _ends(self) -> None:
         self.inputs = (
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
-            Port("sensing_ok", 0.0, 1.0, "1 while the measurements are good"),
-            Port("request_ok", 0.0, 1.0, "1 while what is wanted is sound"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.flag("sensing_ok", "1 while the measurements are good"),
+            Port.flag("request_ok", "1 while what is wanted is sound"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
@@ -166,10 +179,8 @@ class _Passivity:
         self.outputs = (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
-            Port("mode_ahead", 0.0, 2.0, "mode; 2 while the set torque follows the limb's motion"),
-            Port(
-                "request_ok", 0.0, 1.0, "that of the input, and 0 with a corrupt state or tunable"
-            ),
+            Port.count("mode_ahead", 2, "mode; 2 while the set torque follows the limb's motion"),
+            Port.flag("request_ok", "that of the input, and 0 with a corrupt state or tunable"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
             Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
@@ -186,7 +197,7 @@ class _Passivity:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        seen = ca.logic_and(guard.inputs_ok, u.sensing_ok > 0.5)
+        seen = ca.logic_and(guard.inputs_ok, u.sensing_ok)
         going = label("going", ca.logic_and(seen, s.seen), "two samples in a row are good")
         whole = {p.name: in_range(getattr(c, p.name), p.low, p.high) for p in self.coefficients}
         sound = label("tunables_valid", ca.logic_and(*whole.values()), "else the limits latch")
@@ -223,7 +234,7 @@ class _Passivity:
         outputs = told | {
             # What was given is forgotten with the memory, and a bound outside its range bounds
             # nothing: the limits latch.
-            "request_ok": ca.logic_and(u.request_ok == 1, ca.logic_and(guard.state_ok, sound)),
+            "request_ok": ca.logic_and(u.request_ok, ca.logic_and(guard.state_ok, sound)),
             "u_command_Nm": passed,
             "given_J": held["given_J"],
             "held_J": gated.held_J,
@@ -258,7 +269,8 @@ class _Passivity:
         rest = (most - s.damping_Nms_rad) * (self.still / REST_S)
         change = self.h * (rate * missing + rest) / (ca.fmax(N, 0.0) + self.still)
         b = label("damping_Nms_rad", clip(s.damping_Nms_rad + change, 0.0, most), "[pas 3]")
-        added = ca.if_else(now.on, b, 0.0)
+        fade = self._fade(s, u, N, counted)
+        added = ca.if_else(now.on, b * fade.pop("share", 1.0), 0.0)
         limit = self.tau_set_lim
         tau_set = clip(u.tau_set_Nm - added * u.omega_load_rad_s, -limit, limit)
         ahead = ca.logic_and(u.mode < 1.5, N > MOVES_RAD_S**2)
@@ -268,6 +280,7 @@ class _Passivity:
             "damping_Nms_rad": b,
             "theta_load_last_rad": u.theta_load_rad,
             "error_last_Nm": error,
+            **fade,
         }
         told = {
             "tau_set_Nm": tau_set,
@@ -275,6 +288,18 @@ class _Passivity:
             "mode_ahead": ca.if_else(now.on, ca.if_else(ahead, IMPEDANCE, u.mode), OFF),
         }
         return next_state, told
+
+    def _fade(self, s: Any, u: Any, N: Any, counted: Any) -> dict[str, Any]:
+        # A damping that comes late drives a fast swing, for which more of it would be added.  Its
+        # share is taken from mean squares: a filter in its way would make it later still.
+        if self.own.fade_Hz is None:
+            return {}
+        gain = 1 - math.exp(-2 * math.pi * self.own.fade_Hz.value * self.h)
+        slow = s.slow_rad_s + gain * (u.omega_load_rad_s - s.slow_rad_s)
+        square = ca.if_else(counted, slow * slow, 0.0)
+        square = ca.fmax(s.slow_rad2_s2 + (1 - self.keep) * (square - s.slow_rad2_s2), 0.0)
+        share = ca.fmin(square / (ca.fmax(N, 0.0) + SLOW_RAD_S**2), 1.0)
+        return {"slow_rad_s": slow, "slow_rad2_s2": square, "share": FADED + (1 - FADED) * share}
 
     def _gate(
         self, c: Any, s: Any, u: Any, now: SimpleNamespace, label: Labels

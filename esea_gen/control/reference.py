@@ -76,7 +76,7 @@ def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
     full = threshold(device.tau_full_scale_Nm)
     return (
         around("tau_impairment_Nm", full, "torque of the impairment"),
-        Port("impairment_ok", 0.0, 1.0, "0 where the impairment cannot be computed"),
+        Port.flag("impairment_ok", "0 where the impairment cannot be computed"),
     )
 
 
@@ -104,7 +104,7 @@ class _Reference:
         text = "from the law to where the torque was; impedance: "
         text += "the law of the mode that was left does not count"
         self.state = (
-            Port("mode_last", OFF, IMPEDANCE, "mode of the last step"),
+            Port.count("mode_last", IMPEDANCE, "mode of the last step"),
             around("offset_Nm", self.widest, text),
             around("tau_set_Nm", self.full_scale, "set torque of the last step"),
         )
@@ -131,14 +131,14 @@ class _Reference:
         )
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
-            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance (rounded)"),
+            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance"),
             around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
             Port("theta_desired_rad", low, high, "wanted angle of the joint"),
             around("omega_desired_rad_s", self.omega_lim, "wanted rate of the joint"),
             Port("theta_load_rad", low, high, "load side's angle"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
-            Port("wish_ok", 0.0, 1.0, "1 while what is desired is sound"),
+            Port.flag("wish_ok", "1 while what is desired is sound"),
             *adapted_inputs(self.device),
             *impaired_inputs(self.device),
         )
@@ -147,8 +147,8 @@ class _Reference:
             around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
             around("tau_hold_Nm", self.wish_lim, "desired torque that alone gives the set torque"),
             around("tau_blend_Nm", self.wish_lim, "that of it which the fading offset is worth"),
-            Port("mode", OFF, IMPEDANCE, "mode that holds in this step"),
-            Port("request_ok", 0, 1, "1 while every input and the memory are sound"),
+            Port.count("mode", IMPEDANCE, "mode that holds in this step"),
+            Port.flag("request_ok", "1 while every input and the memory are sound"),
             status_port(
                 "what is known of this set torque",
                 "an input was NaN or outside its range; the limits latch",
@@ -167,11 +167,10 @@ class _Reference:
         }
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        sound = ca.logic_and(ca.logic_and(guard.inputs_ok, guard.state_ok), u.wish_ok > 0.5)
+        sound = ca.logic_and(ca.logic_and(guard.inputs_ok, guard.state_ok), u.wish_ok)
         if self.impaired:
-            sound = ca.logic_and(sound, u.impairment_ok > 0.5)
-        asked = ca.if_else(u.mode > 1.5, IMPEDANCE, ca.if_else(u.mode > 0.5, TORQUE, OFF))
-        mode = label("mode_taken", ca.if_else(sound, asked, OFF), "0 off, 1 torque, 2 impedance")
+            sound = ca.logic_and(sound, u.impairment_ok)
+        mode = label("mode_taken", ca.if_else(sound, u.mode, OFF), "0 off, 1 torque, 2 impedance")
         tau_d = u.tau_desired_Nm
         if self.adapted:
             tau_d = clip(tau_d * u.wish_gain + u.wish_shift_Nm, -self.tau_lim, self.tau_lim)
@@ -241,7 +240,7 @@ def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
     for p in block.inputs:
         hit = rng.random(steps) < 0.002
         x[p.name][hit] = rng.choice(SPECIAL, int(hit.sum()))
-    return [Stream("modes held", x)]
+    return [Stream("modes held", x, rough=True)]
 
 
 STREAMS = OwnStreams(_events)

@@ -13,6 +13,7 @@ from esea_gen.errors import UserError
 # times its bandwidth is late by more than 60 deg; the published predictive control has 8.3, and 20
 # is the usual recommendation.
 LEAST_SAMPLES, GOOD_SAMPLES, ADVISED_SAMPLES = 6.0, 8.0, 20.0
+MOST_TRIPS = 10.0  # torque of the motor at the joint over the one that trips
 LEAST_ACCELERATION_RAD_S2 = 10.0  # a slow reach of a person takes as much
 # Swing of the load side on the coupling, held at its motor side.  In simulation a drive of 3 Hz
 # follows with its output fixed; one of 4.5 Hz errs twice as much or trips, one of 6 Hz trips.
@@ -144,13 +145,24 @@ def _unwise(file: DeviceFile) -> Iterator[str]:
             f"below domain.tau_full_scale_Nm = {full:g}: larger desired torques are not reached. "
             "Raise either, or desire less."
         )
+    if top > MOST_TRIPS * trip:
+        yield (
+            f"actuator: gear_ratio = {n:g} times safety.u_max_Nm is {top:.3g} Nm at the joint, "
+            f"above {MOST_TRIPS:g} times safety.tau_max_Nm = {trip:g}. Lower safety.u_max_Nm."
+        )
+    corner_Hz, resonance = 1 / (2 * math.pi * a.tau_c_s.value), resonance_Hz(file)
+    if corner_Hz < 0.5 * resonance:
+        yield (
+            f"actuator: tau_c_s = {a.tau_c_s.value:g} lets the motor follow up to {corner_Hz:.2g} "
+            f"Hz, below half the coupling's resonance ({resonance:.3g} Hz). Check both."
+        )
     if (reach := n * a.u_max_Nm.value / inertia) < LEAST_ACCELERATION_RAD_S2:
         yield (
             f"actuator: J_kgm2 = {inertia:g} with gear_ratio = {n:g} lets the motor accelerate the "
             f"joint by {reach:.2g} rad/s^2, below {LEAST_ACCELERATION_RAD_S2:g}. J goes with the "
             f"ratio squared: here it is a rotor of {inertia / n**2:.2g} kgm^2. Check both."
         )
-    rate, resonance = file.timing.control_rate_Hz, resonance_Hz(file)
+    rate = file.timing.control_rate_Hz
     if rate is not None and LEAST_SAMPLES <= rate.value / resonance < GOOD_SAMPLES:
         yield (
             f"timing: control_rate_Hz = {rate.value:g} is {rate.value / resonance:.2g} times the "

@@ -343,6 +343,9 @@ class PassiveInteraction(Section):
     """What keeps every law from giving a hand energy that is not wanted."""
 
     damping_Nms_rad: Quantity = number(1e-3, 5, "Largest damping added; Kd counts as a part of it.")
+    fade_Hz: Quantity | None = optional(
+        0.1, 100, "Above this frequency of the motion it fades to 30 %; without the key nowhere."
+    )
     least_Nms_rad: Quantity = number(0, 1, "Damping that a hand feels at least.")
     window_s: Quantity = number(1e-2, 10, "Time over which power and speed are averaged.")
     energy_J: Quantity = number(0.1, 1e3, "Energy that drive and command may hold.")

@@ -99,7 +99,14 @@ def _states(block: Block, kernel: Kernel, base: Callable[[str], str]) -> dict[in
         p = block.state[argument]
         return _element(base(p.name), ending, p.size, n.source[1])
 
+    sums: dict[int, str] = {}  # of the magnitudes of a vector's elements: their names
     for i, n in enumerate(kernel.nodes):
+        if n.op == "fabs" and (name := state(n.args[0], "_sum")):
+            sums[i] = name
+        elif n.op == "add" and all(a in sums for a in n.args):
+            found[i] = sums[i] = sums[n.args[1]]
+        elif n.op == "le" and n.args[0] in sums:
+            found[i] = sums[n.args[0]].rpartition("_sum")[0] + "_ok"
         chosen = n.op in ("select", "if_else_zero", "and", "or")
         if chosen and (name := state(n.args[1], "_used")):
             found[i] = name

@@ -93,8 +93,8 @@ def mavlink_units() -> frozenset[str]:
 
 def _port_field(system: System, external: External) -> MessageField:
     port: Port = external.port
-    if port.flags:
-        enum = f"ESEA_{system.name}_{external.name}".upper()
+    if port.whole:
+        enum = f"ESEA_{system.name}_{external.name}".upper() if port.flags else ""
         return MessageField("uint32_t", external.name, port_text(port), enum=enum)
     units = port.unit if port.unit in mavlink_units() else ""
     return MessageField("float", external.name, port_text(port), port.size, units)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from esea_gen.emit.printed import field_type
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, Signal, System, Task
@@ -26,22 +27,11 @@ class Naming:
         """A value, as C text, in the format of the port that it feeds."""
         return text
 
-    def watched(self, text: str, block: Block, port: Port) -> str:
-        """A value of the watch, a ``uint32_t`` in C text, in the format of the port it feeds.
-
-        What it should never hold becomes what the port takes as invalid or at its end.
-        """
-        if port.high == 1:
-            one, zero = (self.literal(self.number(block, "in", port.name, v)) for v in (1.0, 0.0))
-            return f"{text} == 1u ? {one} : {zero}"
-        return self.whole(f"({text} < {port.high:.0f}u ? {text} : {port.high:.0f}u)", block, port)
-
-    def literal(self, value: float) -> str:
-        return f"{value:.1f}f" if self.c_type == "float" else f"{value:.1f}"
-
-    def whole(self, text: str, block: Block, port: Port) -> str:
-        """A small whole number, a ``uint32_t`` in C text, in the format of an input port."""
-        return f"({self.c_type}){text}"
+    def watched(self, text: str, port: Port) -> str:
+        """A value of the watch, as C text, for the port it feeds; a flag it never sets is 0."""
+        if port.kind == "flag":
+            return f"{text} == 1u ? 1u : 0u"
+        return text
 
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         """What a Block's field holds for a value inside the port's range, in its unit."""
@@ -74,7 +64,7 @@ class Naming:
 
     def from_units(self, external: External, text: str) -> str:
         """C expression of a double in the external value's unit as a number of its field."""
-        return f"({self.c_type}){text}"
+        return f"({field_type(external.port, self.c_type)}){text}"
 
     def to_units(self, external: External, text: str) -> str:
         """C expression of the field's number in the external value's unit."""
@@ -82,4 +72,4 @@ class Naming:
 
     def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
         """The field's number, for a value in units that one stands for exactly."""
-        return np.asarray(value, np.uint32 if external.port.flags else self.dtype)
+        return np.asarray(value, np.uint32 if external.port.whole else self.dtype)

@@ -36,8 +36,7 @@ def bare(text: str) -> str:
 
 def field_type(port: Any, number: str) -> str:
     """C type of a port's field, where a number has the given one."""
-    whole = getattr(port, "flags", ()) or getattr(port, "kind", "quantity") != "quantity"
-    return "uint32_t" if whole else number
+    return "uint32_t" if getattr(port, "whole", False) else number
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,8 @@ class _Writer:
                 f"{ports[argument].name}_{element}",
                 f"{pointer}->{ports[argument].name}"
                 + ("" if getattr(ports[argument], "size", 1) == 1 else f"[{element}]"),
-                fmt.c_type,
+                "quantity",
+                0.0,
             )
 
         prepare = None
@@ -264,6 +265,11 @@ class _Writer:
             parts.append(str(e.constant))
         return " + ".join(parts).replace("+ -", "- ")
 
+    def _read(self, ref: Ref, element: int, context: _Context) -> str:
+        # A flag or a count among the inputs becomes a number at once.
+        whole = ref.array in {f"in.{p.name}" for p in self.program.inputs if p.whole}
+        return f"({self.fmt.c_type})" * whole + self.place(ref, element, context)
+
     def place(self, ref: Ref, element: int, context: _Context) -> str:
         m = self.program.memory[ref.array]
         local = m.name.rpartition(".")[2]
@@ -351,7 +357,7 @@ class _Writer:
         printed = print_kernel(
             kernel,
             self.fmt,
-            lambda a, e: (f"a{a}_{e}", self.place(s.args[a], e, context), self.fmt.c_type),
+            lambda a, e: (f"a{a}_{e}", self._read(s.args[a], e, context), "quantity", 0.0),
             {},
             words,
         )

@@ -158,6 +158,7 @@ class Renderer:
             "late": {"step": LATE_STEP, "most": LATE_MOST, "full": LATE_FULL},
             "command": command,
             "field": self.field,
+            "c_type": lambda port: field_type(port, self.fmt.c_type),
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
@@ -195,7 +196,7 @@ class Renderer:
             text, made = f"in->{source.name}", None
         elif isinstance(source, Watched):
             text = f"state->{self.system.task_of(instance).name}_held.{source.port.name}"
-            return self.naming.watched(text, *sink)
+            return self.naming.watched(text, port)
         elif isinstance(source, Latch):
             held = f"state->{self.system.task_of(instance).name}_held"
             text, made = f"{held}.{source.name}", source.source
@@ -256,6 +257,8 @@ class Renderer:
         return f"(double){text}"
 
     def given(self, external: External, value: float) -> str:
+        if external.port.whole:
+            return f"{value:.0f}u"
         if self.naming.external_scale(external):
             return self.naming.from_units(external, repr(float(value)))
         return self.fmt.literal(value)
@@ -268,8 +271,8 @@ def port_text(port: Any) -> str:
         parts.append(f"{port.size} elements")
     if getattr(port, "flags", ()):
         parts.append("bits below")
-    elif isinstance(port, Port) and port.kind == "flag":
-        parts.append("0 or 1")
+    elif getattr(port, "whole", False):
+        parts.append("0 or 1" if port.kind == "flag" else f"{port.low:.0f} to {port.high:.0f}")
     else:
         unit = "dimensionless" if port.unit == "1" else port.unit
         parts.append(f"[{unit}], range {port.low:.9g} to {port.high:.9g}")

@@ -50,7 +50,6 @@ OPERATIONS: dict[str, tuple[int | None, str]] = {
 }
 _BY_CODE = {code: name for name, (code, _) in OPERATIONS.items()} | {ca.OP_CONSTPOW: "pow"}
 BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
-COMMUTATIVE = frozenset({"add", "mul", "eq", "ne", "and", "or"})
 
 
 class UnsupportedOperationError(UserError):
@@ -119,13 +118,25 @@ def _walked(function: ca.Function) -> Kernel:
         elif op == ca.OP_ASSIGN:
             work[o[0]] = work[i[0]]
         elif op in _BY_CODE:
-            work[o[0]] = add(Node(_BY_CODE[op], tuple(work[a] for a in i)))
+            args = tuple(work[a] for a in i)
+            if op == ca.OP_AND:  # a check that a condition is in a port's range always holds
+                args = tuple(a for a in args if not _holds(nodes, a)) or args[:1]
+            work[o[0]] = add(Node(_BY_CODE[op], args)) if len(args) == len(i) else args[0]
         else:
             raise UnsupportedOperationError(
                 f"{function.name()}: CasADi operation number {op} at instruction {k} cannot be "
                 "emitted; express it with the operations that esea_gen.emit.walker lists"
             )
     return prune(Kernel(function.name(), tuple(nodes), tuple(map(tuple, results))))
+
+
+def _holds(nodes: Sequence[Node], i: int) -> bool:
+    # A condition is at most 1; that it is at least 0 CasADi folds.
+    n = nodes[i]
+    if n.op != "le":
+        return n.op == "const" and n.value != 0
+    condition, limit = (nodes[a] for a in n.args)
+    return condition.boolean and limit.op == "const" and limit.value >= 1
 
 
 def needed_nodes(kernel: Kernel) -> list[int]:
@@ -155,14 +166,14 @@ def labelled_kernel(
     return prune(kernel), labels
 
 
-def checked_flag(kernel: Kernel, n: Node) -> int:
-    """The input of which a node checks that it is from 0 to 1, as ``port_ok`` does; else -1."""
+def checked_from_zero(kernel: Kernel, n: Node) -> int:
+    """The input of which a node checks that it is from 0 on, as ``port_ok`` does; else -1."""
     sides = [kernel.nodes[a] for a in n.args] if n.op == "and" else []
     if [s.op for s in sides] != ["le", "le"]:
         return -1
-    (x, high), (low, y) = (s.args for s in sides)
-    ends = [kernel.nodes[i] for i in (low, high)]
-    within = x == y and [(e.op, e.value) for e in ends] == [("const", 0.0), ("const", 1.0)]
+    (x, _), (low, y) = (s.args for s in sides)
+    zero = kernel.nodes[low]
+    within = x == y and (zero.op, zero.value) == ("const", 0.0)
     return x if within and kernel.nodes[x].op == "input" else -1
 
 

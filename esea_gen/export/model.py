@@ -99,7 +99,7 @@ def _tunables(
 def _variable(
     name: str, role: Role, c: str, port: Port | Tunable, start: float, task: str = ""
 ) -> ModelVariable:
-    whole = isinstance(port, Port) and bool(port.flags)
+    whole = isinstance(port, Port) and port.whole
     unit = "1" if whole else port.unit
     about = _described(port)
     return ModelVariable(name, 0, role, whole, start, port.low, port.high, unit, about, c, task)

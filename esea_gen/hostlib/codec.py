@@ -19,15 +19,16 @@ Array = npt.NDArray[Any]
 INVALID = -(2**31)
 """Raw number of what is not a number or does not fit: no port takes it as valid."""
 CORRUPT = 2**32 - 1
-"""What a flag's field holds for a number outside 0 to 1: no port takes it as valid."""
+"""What a flag or count holds for any other number: no port takes it as valid."""
 
 
-def to_flag(values: Any) -> Array:
-    """What a flag's field holds for numbers: 1 for every valid one but 0; integers as they are."""
+def to_whole(values: Any) -> Array:
+    """What a flag's or count's field holds for numbers; integers as they are."""
     column = np.asarray(values)
     if column.dtype.kind in "iu":
         return column.astype(np.uint32)
-    return np.where((column >= 0) & (column <= 1), column != 0, CORRUPT).astype(np.uint32)
+    valid = (column >= 0) & (column <= CORRUPT) & (np.ceil(column) == column)
+    return np.where(valid, column, CORRUPT).astype(np.uint32)
 
 
 def to_raw(values: Any, fraction: int) -> Array:
@@ -59,8 +60,9 @@ class Field:
 
     def encode(self, values: Any) -> Any:
         """What the C holds for numbers in units; whole numbers are raw already."""
-        if self.port.kind == "flag":
-            return to_flag(values)
+        if self.port.kind != "quantity":
+            held = to_whole(values)
+            return int(held) if isinstance(values, float) else held
         if self.fraction is not None and isinstance(values, float):
             return _raw_number(values, self.fraction)
         column = np.asarray(values)
@@ -70,7 +72,7 @@ class Field:
 
     def decode(self, held: Any) -> Any:
         """Numbers in units, but a status word, of what the C holds."""
-        if self.fraction is None or self.port.flags:
+        if self.fraction is None or self.port.whole:
             return held
         return held * 2.0**-self.fraction
 

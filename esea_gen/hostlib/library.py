@@ -297,7 +297,8 @@ class CBoard:
 def _held(f: Field, value: Any) -> Any:
     # What the C holds for a number or several, in units whatever their type.
     if np.ndim(value) == 0:
-        return float(value) if f.fraction is None else f.encode(float(value))
+        plain = f.fraction is None and not f.port.whole
+        return float(value) if plain else f.encode(float(value))
     return f.encode(np.asarray(value, np.float64)).tolist()
 
 
@@ -328,7 +329,7 @@ def run_schedule(
                 found[task.name][name].append(value)
     single = isinstance(board, CBoard) and board.library.real == "f32"
     kinds = {
-        x.name: np.uint32 if x.port.flags else np.float32 if single else np.float64
+        x.name: np.uint32 if x.port.whole else np.float32 if single else np.float64
         for x in system.outputs
     }
     return {

@@ -131,14 +131,14 @@ def band_notes(
     )
     notes = [
         f"Torque: 95 % of errors in blocks left out are below {spread.band_Nm:.3g} Nm "
-        f"({100 * spread.band_Nm / full_scale_Nm:.2g} % of full scale); of the held-out samples "
-        f"{100 * covered(error, spread.band_Nm):.0f} % are."
+        f"({100 * spread.band_Nm / full_scale_Nm:.2g} % of full scale), as are "
+        f"{100 * covered(error, spread.band_Nm):.0f} % of the held-out samples."
     ]
     if spread.friction_Nm is not None:
         way = "less" if spread.friction_Nm < 0 else "more"
         notes.append(
             f"The residuals show {abs(spread.friction_Nm):.3g} Nm {way} friction than the model "
-            "has; the standard deviations hold what it would move."
+            "has; the standard deviations include its effect."
         )
     return notes
 

@@ -294,27 +294,26 @@ def _guarded(
 ) -> tuple[SimpleNamespace, SimpleNamespace, Guard]:
     state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
     label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
-
-    def repaired(p: Port) -> ca.SX:
-        raw = raw_s[p.name]
-        if p.repair == "block":
-            return raw
-        if p.kind == "quantity":
-            return ca.if_else(state_ok, raw, p.init)
-        return ca.logic_or(ca.logic_not(state_ok), raw) if p.init else ca.logic_and(state_ok, raw)
-
-    s = {p.name: repaired(p) for p in state}
+    s = dict(raw_s)
+    s |= {p.name: _chosen(p, state_ok, s[p.name], p.init) for p in state if p.repair == "init"}
     u, valid = {}, []
     for p in inputs:
         ok = label(f"{p.name}_ok", port_ok(raw_u[p.name], p))
         held = s[p.on_invalid] if isinstance(p.on_invalid, str) else p.on_invalid
-        u[p.name] = ca.if_else(ok, raw_u[p.name], held)
+        u[p.name] = _chosen(p, ok, raw_u[p.name], held)
         if p.size == 1:
             label(f"{p.name}_used", u[p.name], "Guard: an invalid input is replaced.")
         valid.append(ok)
     inputs_ok = label("inputs_ok", _all(valid))
     guard = Guard(inputs_ok=inputs_ok, state_ok=state_ok)
     return SimpleNamespace(**s), SimpleNamespace(**u), guard
+
+
+def _chosen(p: Port, ok: ca.SX, raw: ca.SX, other: Any) -> ca.SX:
+    # A port's value where it is valid, else another; of a flag a condition.
+    if p.kind != "flag":
+        return ca.if_else(ok, raw, other)
+    return ca.logic_or(ca.logic_not(ok), raw) if other else ca.logic_and(ok, raw)
 
 
 def _step_functions(

@@ -120,6 +120,21 @@ class Builder:
         yield Ix(0, ((1, var),))
         self._body.pop()
 
+    def each(
+        self,
+        size: int,
+        name: str,
+        args: Sequence[Memory | Ref],
+        results: Sequence[Memory | Ref],
+        function: Callable[..., Any],
+        unroll: bool = False,
+    ) -> None:
+        """Call a kernel for every element of the arrays among its arguments and results."""
+        with self.loop(0, size, unroll=unroll) as i:
+            known = [x[i] if isinstance(x, Memory) else x for x in args]
+            found = [x[i] if isinstance(x, Memory) else x for x in results]
+            self.call(name, known, found, function)
+
     @contextmanager
     def when(self, flag: Ref | tuple[Ix | int, str, Ix | int]) -> Iterator[None]:
         cond = flag if isinstance(flag, Ref) else (Ix.of(flag[0]), flag[1], Ix.of(flag[2]))

@@ -119,12 +119,14 @@ class Executor(ABC):
     def state(self, values: Mapping[str, Any]) -> None:
         for name in self._s.keys() & values.keys():
             self._s[name][:] = np.asarray(values[name], dtype=float).ravel()
+        _reject_fractions(self.block.state, self._s)
 
     def step(self, **inputs: float | Array) -> dict[str, Any]:
         if inputs.keys() != self._u.keys():
             raise TypeError(f"{self.block.name}.step takes {[*self._u]}, got {sorted(inputs)}")
         for name, value in inputs.items():
             self._u[name][:] = value
+        _reject_fractions(self.block.inputs, self._u)
         self._advance()
         out: dict[str, Any] = {}
         for p in self.block.outputs:
@@ -152,6 +154,7 @@ class Executor(ABC):
         states = np.empty((steps, len(self._state)))
         for k in range(steps):
             self._inputs[:] = rows[k]
+            _reject_fractions(self.block.inputs, self._u)
             self._advance()
             outputs[k] = self._outputs
             states[k] = self._state
@@ -168,8 +171,7 @@ class Executor(ABC):
         # The inputs as a row a step.
         table = not isinstance(inputs, Mapping) and hasattr(inputs, "columns")
         if not isinstance(inputs, Mapping) and not table:
-            rows = np.asarray(inputs, dtype=float)
-            rows = rows[:, None] if rows.ndim == 1 else rows
+            rows = self._numbers("the array", inputs)
             if rows.ndim != 2 or rows.shape[1] != len(self._inputs):
                 raise ValueError(
                     f"{self.block.name}.run: an array of shape {rows.shape}, and its inputs are "
@@ -179,11 +181,26 @@ class Executor(ABC):
         names = _elements(self._u) if table else list(self._u)
         if missing := [n for n in names if n not in inputs]:
             raise ValueError(f"{self.block.name}.run: no {missing[0]}; it takes {names}")
-        columns = {n: np.asarray(inputs[n], dtype=float) for n in names}
+        columns = {n: self._numbers(n, inputs[n]) for n in names}
         if len({len(c) for c in columns.values()}) > 1:
             lengths = {n: len(c) for n, c in columns.items()}
             raise ValueError(f"{self.block.name}.run: inputs of different lengths: {lengths}")
-        return np.column_stack([c.reshape(len(c), -1) for c in columns.values()])
+        return np.column_stack(list(columns.values()))
+
+    def _numbers(self, name: str, values: Any) -> Array:
+        try:
+            found = np.asarray(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{self.block.name}.run: {name}: {error}") from None
+        return found[:, None] if found.ndim == 1 else found
+
+
+def _reject_fractions(ports: Sequence[Port], values: Mapping[str, Array]) -> None:
+    # Of a flag or a count what is no whole number is invalid: C can hold none.
+    for p in ports:
+        if p.kind != "quantity":
+            x = values[p.name]
+            x[np.ceil(x) != x] = np.nan
 
 
 def in_a_row(ports: Sequence[Port]) -> tuple[Array, dict[str, Array]]:

@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 Status = Literal["published", "identified", "assumed", "derived"]
-Kind = Literal["quantity", "flag"]
+Kind = Literal["quantity", "flag", "count"]
 
 
 UNIT_SUFFIXES = {
@@ -179,8 +179,8 @@ class Port:
         Outputs that are one of several numbered reasons: what each number means.
     finer : float
         Outputs: fixed point is planned for a proven error so many times below its general aim.
-    kind : {"quantity", "flag"}
-        A flag is 0 or 1, a condition in C (:meth:`flag`).
+    kind : {"quantity", "flag", "count"}
+        A flag is 0 or 1, a condition in C; a count or a choice is a whole number from 0 on.
     """
 
     name: str
@@ -206,6 +206,19 @@ class Port:
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
+        if self.kind == "count" and not (low >= 0 and high < 2**24):
+            raise ValueError(f"port {self.name}: a count must be in [0, 2^24), not [{low}, {high}]")
+
+    @classmethod
+    def count(cls, name: str, high: float, meaning: str, **named: Any) -> Port:
+        """A port that is a whole number from 0 to ``high``: a count, or a choice.
+
+        Parameters
+        ----------
+        name, high, meaning, **named
+            As in the class.
+        """
+        return cls(name, named.pop("low", 0), high, meaning, kind="count", **named)
 
     @classmethod
     def flag(cls, name: str, meaning: str, **named: Any) -> Port:
@@ -217,6 +230,11 @@ class Port:
             As in the class.
         """
         return cls(name, 0, 1, meaning, kind="flag", **named)
+
+    @property
+    def whole(self) -> bool:
+        """Whether C holds it as a ``uint32_t``: a status word, a flag or a count."""
+        return bool(self.flags) or self.kind != "quantity"
 
     @property
     def unit(self) -> str:

@@ -249,10 +249,9 @@ class System:
             raise ValueError("an input port is fed twice")
         for sink, source in self.wires.items():
             a, b = self._output(source), self._input(sink)
-            if (a.unit, a.size) != (b.unit, b.size):
-                raise ValueError(
-                    f"{source} ({a.unit} x {a.size}) feeds {sink} ({b.unit} x {b.size})"
-                )
+            if (a.kind, a.unit, a.size) != (b.kind, b.unit, b.size):
+                ends = (f"{s} ({p.kind} {p.unit} x {p.size})" for s, p in ((source, a), (sink, b)))
+                raise ValueError(" feeds ".join(ends))
             task = self.task_of(sink.instance)
             if source.instance != WATCH and self.task_of(source.instance) is task:
                 order = task.blocks.index
@@ -339,6 +338,9 @@ class SystemSimulator:
             else:
                 out.append((p.name, int(isinstance(feed, Latch)), feed.name))
         return out
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {', '.join(self.blocks)}>"
 
     def release(self, tick: int) -> None:
         """Release what is due at a base tick; the tasks that start in it take hold of it.

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
+from numbers import Integral, Real
 from typing import Any, NamedTuple, Self
 
 from esea_gen.link.frames import CHECKSUM_BYTES, HEADER_BYTES, FrameReader, LinkHealth
@@ -49,6 +50,16 @@ def _clean(message: Any) -> None:
         text = getattr(message, name) if kind == "char" else None
         if isinstance(text, str):
             setattr(message, name, shown(text.rstrip("\0")))
+
+
+def _whole(name: str, kind: str, value: Any) -> Any:
+    # A number as its field holds it.
+    if kind == "float" or not isinstance(value, Real) or isinstance(value, Integral):
+        return value
+    number = float(value)
+    if not (number >= 0 and number % 1 == 0):
+        raise ValueError(f"{name} is {number:g}; it takes whole numbers from 0. Give one.")
+    return int(number)
 
 
 class CommandedError(LinkError):
@@ -104,7 +115,8 @@ class Messenger:
 
     def message(self, name: str, *values: Any) -> Any:
         """A message of the dialect by name, its values in the order of the definition."""
-        return self._classes[name](*values)
+        cls = self._classes[name]
+        return cls(*map(_whole, cls.fieldnames, cls.fieldtypes, values))
 
     def pack(self, message: Any) -> bytes:
         """A message as the next frame from the host."""

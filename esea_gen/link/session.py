@@ -86,7 +86,7 @@ class Session(Messenger):
         sizes = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
         values = {n: wanted.get(n, [0.0] * sizes[n] if sizes[n] else 0.0) for n in names}
         fields = values | {"deadline_ms": deadline_ms, "boot": 0, "time_ms": 0}
-        self.send(cls(*(fields[n] for n in cls.fieldnames)))
+        self.send(self.message("ESEA_WANTED", *(fields[n] for n in cls.fieldnames)))
 
     def tell(self, name: str, interval_us: float) -> None:
         """Have the runs of a task told: its ``ESEA_<TASK>_IN`` or ``_OUT``."""

@@ -202,7 +202,7 @@ class _Encoder:
         late = "more bad frames in a row than may be bridged: not usable"
         self.outputs = (
             around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
-            Port("usable", 0.0, 1.0, "1 when the angle can be used"),
+            Port.flag("usable", "1 when the angle can be used"),
             status_port(
                 "what is known of this sample",
                 "count or frame word was NaN or outside its range",

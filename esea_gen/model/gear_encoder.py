@@ -103,7 +103,7 @@ class _GearEncoder:
                 "theta_gear_rad", most, "by what the drive has turned the joint since the start"
             ),
             around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
-            Port("gear_usable", 0.0, 1.0, "1 when the angle goes on from the step before"),
+            Port.flag("gear_usable", "1 when the angle goes on from the step before"),
             status_port(
                 "what is known of this sample",
                 "count or frame word was NaN or outside its range",

@@ -157,8 +157,9 @@ class _Exact:
         )
         slope, relaxed = self.rate_slope(state, known, label)
         turn = self.direction(s, primed, last, request, relaxed, label)
-        start, play = turn * last, [turn * s.play_rad[i] for i in range(self.stops)]
-        load = turn * (request - relaxed)
+        start = label("start_rad", turn * last, "along the move")
+        play = [label(f"turned_{i + 1}_rad", turn * s.play_rad[i]) for i in range(self.stops)]
+        load = label("pull_Nm", turn * (request - relaxed))
         reach, stiff, load = self.rate_clip(start, play, load, slope, turn * relaxed, label)
         linear, constant = self.segment(play, stiff, load, label)
         linear = label("linear_Nm_rad", ca.if_else(primed, linear, self.k1), "a of the segment")
@@ -243,6 +244,7 @@ class _Exact:
             total = total + self.w[i] * s.play_rad[i]
         rest = to_casadi(sp.horner(TAU_S, wrt=THETA), {THETA: last, K1: self.k1, K3: self.k3})
         rest = rest + relaxed + ca.if_else(primed, sum(self.w) * last - total, 0)
+        label("rest_Nm", rest, "torque of no move")
         return label("turn", ca.if_else(request >= rest, 1.0, -1.0), "direction of the move")
 
     def rate_clip(
@@ -252,14 +254,16 @@ class _Exact:
         reach: Any = self.step_max
         if self.forward.has_rate:
             reach = ca.fmin(reach, (self.tau_high - relaxed) / slope)
-        edge = start + reach
+        edge = label("edge_rad", start + label("reach_rad", reach))
         there = (self.k3 * edge * edge + self.k1) * edge + slope * reach
         for i in range(self.stops):
-            there = there + self.w[i] * ca.fmin(edge - play[i], self.r[i])
+            stop = self.w[i] * ca.fmin(edge - play[i], self.r[i])
+            there = there + label(f"edge_{i + 1}_Nm", stop)
+        label("edge_Nm", there)
         beyond_reach = label("beyond_reach", load > there, "the rate torque is at its clip")
-        stiff = self.k1 + ca.if_else(beyond_reach, 0, slope)
+        stiff = label("stiff_Nm_rad", self.k1 + ca.if_else(beyond_reach, 0, slope))
         load = load + slope * ca.if_else(beyond_reach, -reach, start)
-        return reach, stiff, load
+        return reach, stiff, label("free_load_Nm", load)
 
     def segment(
         self, play: list[ca.SX], stiff: ca.SX, load: ca.SX, label: Labels
@@ -267,18 +271,24 @@ class _Exact:
         """[segment, breakpoint, a]: stiffness and load of the segment the request falls into."""
         # Torque at each breakpoint F_i + r_i, from the narrowest stop to the widest.
         held, behind, free = 0.0, ca.SX(0), float(sum(self.w))
-        for i in range(self.stops):
-            behind = behind + self.w[i] * play[i]
+        stop = [label(f"stop_{i + 1}_Nm", self.w[i] * play[i]) for i in range(self.stops)]
+        for torque in stop:
+            behind = behind + torque
         linear, constant = stiff, load
         for i in range(self.stops):
             held += self.w[i] * self.r[i]
             free -= self.w[i]
-            behind = behind - self.w[i] * play[i] if i + 1 < self.stops else ca.SX(0)
-            corner = play[i] + self.r[i]
-            torque = (self.k3 * corner * corner + (stiff + max(free, 0.0))) * corner + held - behind
+            behind = behind - stop[i] if i + 1 < self.stops else ca.SX(0)
+            corner = label(f"corner_{i + 1}_rad", play[i] + self.r[i])
+            slope = self.k3 * corner * corner + (stiff + max(free, 0.0))
+            slope = label(f"corner_{i + 1}_Nm_rad", slope)
+            torque = slope * corner + held - behind
+            label(f"corner_{i + 1}_Nm", torque)
             passed = label(f"passed_{i + 1}", load > torque, f"stop {i + 1} saturates")
-            linear = linear + ca.if_else(passed, 0, self.w[i])
-            constant = constant + ca.if_else(passed, -self.w[i] * self.r[i], self.w[i] * play[i])
+            left = ca.if_else(passed, 0, self.w[i])
+            linear = linear + label(f"left_{i + 1}_Nm_rad", left)
+            taken = ca.if_else(passed, -self.w[i] * self.r[i], stop[i])
+            constant = constant + label(f"taken_{i + 1}_Nm", taken)
         return linear, constant
 
     def newton(
@@ -287,9 +297,10 @@ class _Exact:
         """One Newton step on the torque written out in moves, in which nothing cancels."""
         (primed, rated), taken = moves, ca.SX(0)
         for i in range(self.stops):
-            taken = taken + self.w[i] * ca.fmin(near - play[i], self.r[i])
+            stop = self.w[i] * ca.fmin(near - play[i], self.r[i])
+            taken = taken + label(f"near_{i + 1}_Nm", stop)
         miss = request - (self.k3 * near * near + self.k1) * near
-        miss = miss - ca.if_else(primed, rated + taken, 0)
+        miss = label("miss_Nm", miss - ca.if_else(primed, rated + taken, 0))
         tangent = 3 * self.k3 * near * near + linear
         tangent = label("tangent_Nm_rad", tangent, "d d / d x, at least a")
         better: ca.SX = near + miss / tangent

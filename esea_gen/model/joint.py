@@ -28,15 +28,15 @@ def deflection(device: DeviceData) -> Block:
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         theta = label("raw_rad", u.theta_motor_rad - u.theta_load_rad, "(5.4) deflection")
         outside = label("outside", ca.fabs(theta) > theta_lim)
-        usable = ca.logic_and(u.motor_usable >= 0.5, u.load_usable >= 0.5)
-        agree = u.agree >= 0.5 if compared else ca.SX(1)
+        usable = ca.logic_and(u.motor_usable, u.load_usable)
+        agree = u.agree if compared else ca.SX(1)
         good = ca.logic_and(ca.logic_and(usable, agree), ca.logic_not(outside))
         ok = label("ok", ca.logic_and(good, guard.inputs_ok))
         parts = [ca.logic_not(agree)] if compared else []
         word = flag_word([ca.logic_not(guard.inputs_ok), ca.logic_not(usable), outside, *parts])
         outputs = {
             "theta_rad": clip(theta, -theta_lim, theta_lim),
-            "sensing_ok": ca.if_else(ok, 1.0, 0.0),
+            "sensing_ok": ok,
             "status": word,
         }
         return {}, outputs
@@ -50,13 +50,13 @@ def deflection(device: DeviceData) -> Block:
         inputs=(
             Port("theta_motor_rad", -reach, reach, angle + "motor side of the coupling"),
             Port("theta_load_rad", -reach, reach, angle + "load side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
-            Port("load_usable", 0.0, 1.0, "1 when the load-side encoder is usable"),
-            *([Port("agree", 0.0, 1.0, "1 when nothing contradicts it")] if compared else []),
+            Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
+            Port.flag("load_usable", "1 when the load-side encoder is usable"),
+            *([Port.flag("agree", "1 when nothing contradicts it")] if compared else []),
         ),
         outputs=(
             Port("theta_rad", -theta_lim, theta_lim, "deflection: motor side minus load side"),
-            Port("sensing_ok", 0.0, 1.0, "1 when the deflection, and what is made of it, holds"),
+            Port.flag("sensing_ok", "1 when the deflection, and what is made of it, holds"),
             _status(theta_lim, compared),
         ),
         equations=equations("(5.4) | delta | theta_m - theta_l | deflection"),

@@ -108,18 +108,18 @@ class _Cable:
             Port.flag("low_shown", "1 once a torque has shown the other"),
             Port.flag("taut", "1 while the cable is at an end"),
             around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
-            around("mean_Nm", self.drive.tau_Nm, "mean of the torque since then"),
+            around("mean_Nm", pull_Nm, "mean of what it carried since then"),
             Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
         )
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
             around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            Port.flag("gear_usable", "1 when the motor's encoder is usable"),
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
             around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
         )
         self.outputs = (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
@@ -134,7 +134,7 @@ class _Cable:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
+        both = ca.logic_and(u.motor_usable, u.gear_usable)
         ok = label("ok", ca.logic_and(guard.inputs_ok, both), "both angles can be compared")
         lost = self.own.loss.value * ca.fabs(u.tau_Nm)
         pull = u.tau_Nm + lost * clip(u.omega_gear_rad_s / self.width, -1.0, 1.0)
@@ -163,7 +163,7 @@ class _Cable:
         middle = 0.5 * (kept_high + kept_low)
         between = ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         wound = ca.if_else(pulls, kept_high, between)
-        give = self.learnt_give(s, u, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
+        give = self.learnt_give(s, u, pull, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
         # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
         # what is predicted with it meets the ends of the gap: in the mean the command then holds
         # the gear inside, and a limp hand on a rendered spring drifts without any torque.
@@ -189,21 +189,21 @@ class _Cable:
         return next_state, outputs
 
     def learnt_give(
-        self, s: SimpleNamespace, u: SimpleNamespace, taut: Any, label: Labels
+        self, s: SimpleNamespace, u: SimpleNamespace, pull: Any, taut: Any, label: Labels
     ) -> dict[str, Any]:
         """What the cable gives for a torque: by how both change while it is taut (LMS)."""
         goes_on = ca.logic_and(taut, s.taut)
         turned = u.theta_gear_rad - u.theta_motor_rad
         by_angle = ca.if_else(goes_on, turned - s.mean_rad, 0.0)
-        by_torque = ca.if_else(goes_on, u.tau_Nm - s.mean_Nm, 0.0)
-        by_torque = label("change_Nm", clip(by_torque, -1.0, 1.0), "[cable 6] since taut")
-        by_angle = clip(by_angle, -self.most, self.most)
+        by_torque = ca.if_else(goes_on, pull - s.mean_Nm, 0.0)
+        by_torque = label("change_Nm", by_torque, "[cable 6] since taut")
         missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 6]")
-        give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * missed * by_torque
+        step = clip(missed, -self.most, self.most) * clip(by_torque, -1.0, 1.0)
+        give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * step
         share = self.mean_share
         return {
             "taut": taut,
             "mean_rad": ca.if_else(goes_on, s.mean_rad + share * (turned - s.mean_rad), turned),
-            "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
+            "mean_Nm": ca.if_else(goes_on, s.mean_Nm + share * (pull - s.mean_Nm), pull),
             "give_rad_Nm": label("give_rad_Nm", clip(give, 0.0, self.softest), "[cable 6]"),
         }

@@ -311,8 +311,8 @@ def search_picture(best: PresentBest) -> Figure:
     progress.plot(runs[-1:], rms[-1:], "o", color=MODEL, ms=4)
     progress.set_yscale("log")
     progress.set_xlabel("runs over all recordings")
-    progress.set_title(f"best so far: {np.sqrt(best.cost):.4g} N·m RMS")
-    progress.set_ylabel("error, N·m")
+    progress.set_title(f"published form, best so far: {np.sqrt(best.cost):.4g} N·m")
+    progress.set_ylabel("RMS error, N·m")
     for number, (panel, (theta, measured, model)) in enumerate(zip(loops, sets, strict=True), 1):
         panel.plot(theta, measured, color=MEASURED, lw=1.6, label="measured")
         panel.plot(theta, model, color=MODEL, lw=0.8, label="best so far")

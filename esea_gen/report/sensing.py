@@ -133,20 +133,20 @@ def _head(found: Findings) -> dict[str, Any]:
 
 
 def verdict(found: Findings) -> dict[str, Any]:
-    """How well the sensor reads: the largest error against a torque that was measured."""
+    """The sensor's accuracy: the largest error against a measured torque."""
     full = found.device.tau_full_scale_Nm
     fit = _fit(found)
     for role, words in (("held_out", "held-out cycles"), ("training", "cycles of the training")):
         sets = [s[role] for s in fit["sets"] if s[role] is not None] if fit else []
         if fit and sets:
             error = max(s["max_Nm"] for s in sets)
-            text = f"The sensor reads {full:.3g} Nm within {error:.2g} Nm"
-            how = f"largest error on {words} of the recording; "
+            text = f"The sensor's error is at most {error:.2g} Nm of {full:.3g} Nm"
+            how = f"{words} of the recording; "
             how += f"RMS {fit['mean_rms_percent'][role]:.2g} % of full scale"
             break
     else:
-        text, error = "How well the sensor reads is not known", None
-        how = "no torque measured on this device was given"
+        text, error = "The sensor's accuracy is not known", None
+        how = "give --recording with the measured torque of this device"
     content = {"range_Nm": full, "largest_Nm": error, "problems": []}
     return {"text": text, "how": how, "whole": error is not None} | content
 

@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from esea_gen.control.reference import largest_gains
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.devices.file import DeviceData
 from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = 0, 1, 2
-GAINS = ("Kp_Nm_rad", "Kd_Nms_rad")
 # What the cases are written for: the elbow's full scale and range of motion, of which movements
-# take a quarter turn.
+# take a quarter turn, and damping.
 FULL_NM, LOW_RAD, RANGE_RAD, MOVED_RAD = 4.47, -0.15, 2.65, math.pi / 2
+DAMPING_NMS_RAD = 0.25
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class Scale:
     travel: float = 1.0
     from_rad: float = 0.0  # where a movement begins that is written from 0 on
     rest_rad: float = 0.0  # where a joint stands that is written to stand at 0
+    damping: float = 1.0  # as the torque, within what the device may render
 
     @classmethod
     def of(cls, device: DeviceData) -> Scale:
@@ -36,7 +38,9 @@ class Scale:
         first = max(0.0, low - travel * LOW_RAD)
         last = high + travel * (LOW_RAD - MOVED_RAD)
         rest = min(max(0.0, low), high)
-        return cls(device.tau_full_scale_Nm / FULL_NM, travel, min(first, last), rest)
+        torque = device.tau_full_scale_Nm / FULL_NM
+        damping = min(torque, largest_gains(device)[1] / DAMPING_NMS_RAD)
+        return cls(torque, travel, min(first, last), rest, damping)
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,7 @@ class Case:
         words += [f"torque x{by.torque:.3g}"] * (by.torque != 1)
         moves = bool(path.omega_p_rad_s.any())
         words += [f"travel x{by.travel:.3g}"] * (moves and by.travel != 1)
+        words += [f"damping x{by.damping:.3g}"] * (self.mode == IMPEDANCE and by.damping != 1)
         path = replace(
             path,
             theta_p_rad=(by.from_rad if moves else by.rest_rad) + by.travel * path.theta_p_rad,
@@ -61,8 +66,9 @@ class Case:
             alpha_p_rad_s2=by.travel * path.alpha_p_rad_s2,
             tau_desired_Nm=by.torque * path.tau_desired_Nm,
         )
+        factors = {"Kp_Nm_rad": by.torque, "Kd_Nms_rad": by.damping}
         gains = {
-            of: {k: v * (by.torque if k in GAINS else 1.0) for k, v in given.items()}
+            of: {k: v * factors.get(k, 1.0) for k, v in given.items()}
             for of, given in self.tunables.items()
         }
         return replace(self, name=", ".join(words), trajectory=path, tunables=gains)

@@ -121,10 +121,10 @@ class ClosedLoop:
     def _record_columns(self) -> list[tuple[_Column, list[str]]]:
         columns = []
         for name, (source, port) in self._plant_sources().items():
-            columns.append((_Column(name, 1, "plant", bool(port.flags)), [source]))
+            columns.append((_Column(name, 1, "plant", port.whole), [source]))
         for task in self.controller.tasks:
             for x in self.controller.task_outputs(task):
-                column = _Column(x.name, x.port.size, "controller", bool(x.port.flags))
+                column = _Column(x.name, x.port.size, "controller", x.port.whole)
                 columns.append((column, self._read(task.name, x)))
         return columns
 

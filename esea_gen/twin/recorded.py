@@ -66,7 +66,7 @@ def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
             "": np.zeros(len(at), np.float32)
         }
         outputs[task.name] = {
-            x.name: run.controller[x.name][at].astype(np.uint32 if x.port.flags else np.float32)
+            x.name: run.controller[x.name][at].astype(np.uint32 if x.port.whole else np.float32)
             for x in device.system.task_outputs(task)
         }
     return RecordedDrive(inputs, outputs, run, plant)

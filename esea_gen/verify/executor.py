@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.walker import Kernel, Node, labelled_kernel, walk
-from esea_gen.hostlib.codec import Array
+from esea_gen.hostlib.codec import Array, to_whole
 from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block
@@ -270,10 +270,22 @@ def float32_trajectory(
     return KernelTrajectory(stream, outputs, states | expected_counters(block, stream, outputs))
 
 
+def held_stream(block: Block, stream: Stream) -> Stream:
+    """A stream as C holds it: of a flag or a count, what is no whole number is invalid."""
+    whole = {p.name for p in (*block.inputs, *block.state) if p.whole}
+
+    def held(values: Mapping[str, Array]) -> dict[str, Array]:
+        return {n: to_whole(x).astype(float) if n in whole else x for n, x in values.items()}
+
+    injections = {k: held(v) for k, v in stream.injections.items()}
+    return replace(stream, inputs=held(stream.inputs), injections=injections)
+
+
 def exact_trajectory(
     block: Block, library: HostLibrary, stream: Stream, oracle: CasadiOracle | None
 ) -> KernelTrajectory:
     """The bits that a Block's C must give on a stream."""
+    stream = held_stream(block, stream)
     fmt = FORMATS[library.real]
     if oracle is not None:
         coefficients = coefficients_of(block, fmt, {})

@@ -28,9 +28,9 @@ from esea_gen.emit.spans import COMPARES, RangeError
 from esea_gen.emit.step_errors import BEYOND, Bound
 from esea_gen.emit.walker import Kernel
 from esea_gen.errors import UserError
-from esea_gen.hostlib.codec import INVALID, from_raw, to_flag, to_raw
+from esea_gen.hostlib.codec import INVALID, from_raw, to_raw, to_whole
 from esea_gen.hostlib.library import CRunner
-from esea_gen.language.ports import Array
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import broken, steps_beyond
 from esea_gen.verify.bounds import full_scales
@@ -97,7 +97,8 @@ class RawExecutor:
 
 
 def _raw(f: FieldPlan, values: Any) -> Array:
-    return to_flag(values) if f.flag else to_raw(values, f.fraction)
+    whole = isinstance(f.port, Port) and f.port.kind != "quantity"
+    return to_whole(values) if whole else to_raw(values, f.fraction)
 
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:

@@ -58,7 +58,7 @@ def _thresholds(rng: np.random.Generator, block: Component, port: Port, steps: i
 
 
 def _whole(port: Port, values: Array) -> Array:
-    return np.rint(values) + 0.0 if counts(port) or port.kind == "flag" else values
+    return np.rint(values) + 0.0 if counts(port) or port.whole else values
 
 
 def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
@@ -130,6 +130,7 @@ def at_the_limits(
     inputs = {}
     for p in block.inputs:
         slow = _walk(rng, p, steps, 0.55, 0.01)
+        slow = np.rint(slow) if p.whole else slow
         hit = rng.random(slow.shape) < 0.2
         slow[hit] = rng.choice(_around(block, p, dtype), int(hit.sum()))
         inputs[p.name] = slow
@@ -139,8 +140,8 @@ def at_the_limits(
     cases += [{c: np.array(top - k)} for c in counters for k in (0, 1, 40)]
     for _ in range(40):
         drawn = {p.name: single(rng.uniform(p.low, p.high, p.size)) for p in block.state}
-        flags = {p.name for p in block.state if p.kind == "flag"}
-        cases.append({n: np.rint(x) if n in flags else x for n, x in drawn.items()})
+        wholes = {p.name for p in block.state if p.whole}
+        cases.append({n: np.rint(x) if n in wholes else x for n, x in drawn.items()})
     rng.shuffle(cases)
     # States and inputs at ends together, the same and mixed, so that sums and clips meet theirs;
     # inputs in their middle too, and just short of the ends.
@@ -149,10 +150,11 @@ def at_the_limits(
     for k in range(120):
         upper, mixed, near = k % 2 == 1, k > 3, 1.0 if k < 64 else rng.uniform(0.97, 1.0)
         other = {p.name: mixed and rng.random() < 0.5 for p in ports}
-        ends.append({p.name: near * _end(p, upper ^ other[p.name]) for p in ports})
+        scale = {p.name: 1.0 if p.whole else near for p in ports}
+        ends.append({p.name: scale[p.name] * _end(p, upper ^ other[p.name]) for p in ports})
         for p in block.inputs:
             if mixed and rng.random() < 0.4:
-                ends[-1][p.name] = 0.5 * (p.low + p.high)
+                ends[-1][p.name] = p.low if p.whole else 0.5 * (p.low + p.high)
     at = range(3, steps, max(1, (steps - 3) // (len(ends) + len(cases))))
     for end, step in zip(ends, at, strict=False):
         for p in block.inputs:
@@ -172,6 +174,8 @@ def _around(block: Block, p: Port, dtype: npt.DTypeLike) -> Array:
     # Numbers at and beside the ends of a port's range.
     if p.kind == "flag":
         return np.array([0.0, 1.0, 2.0, -1.0])
+    if p.kind == "count":
+        return np.array([p.low - 1, p.low, p.low + 1, p.high - 1, p.high, p.high + 1])
     ends = [p.low, p.high, 0.0, 1e-3 * p.high]
     # Where an output of the same unit is clipped or flagged: a state can reach that exactly.
     ends += [x for q in block.outputs if q.unit == p.unit for x in (q.low, q.high)]

@@ -145,7 +145,8 @@ def _impossible(kernel: Kernel, args: tuple[int, ...], side: str) -> str:
 
 def imply(kernel: Kernel, node: int, truth: bool, without: int | None = None) -> dict[int, float]:
     """Values that follow from a boolean node's being true or false."""
-    known: dict[int, float] = {node: float(truth)}
+    # A flag in memory that is true may hold any other number than 0.
+    known = {node: float(truth)} if kernel.nodes[node].boolean or not truth else {}
     front = [(node, truth)]
     while front:  # what must have been so
         i, value = front.pop()

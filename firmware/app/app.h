@@ -73,7 +73,7 @@ typedef struct {
 /* What keeps the motor on, and how long still; in base ticks. */
 typedef struct {
     esea_link_wanted_t wanted;
-    float rearm;
+    uint32_t rearm;
     bool rearm_asked;
     bool stop_held;
     bool mode_on;           /* the last command had a mode other than 0 */

@@ -98,20 +98,14 @@ void esea_blackbox_start(esea_blackbox_t *box, uint32_t fault)
         esea_blackbox_release(box);
 }
 
-/* A whole number up to `most`, which stands for all that is none, too. */
-static inline uint32_t whole(float value, uint32_t most)
-{
-    return value >= 0.0f && value < (float)most ? (uint32_t)value : most;
-}
-
 void esea_blackbox_want(esea_blackbox_record_t *record, const esea_link_wanted_t *wanted)
 {
     float values[sizeof *wanted / sizeof(float)];
 
     memcpy(values, wanted, sizeof values);
 #if ESEA_LINK_AXES > 0
-    record->flags = (uint8_t)(record->flags | whole(wanted->mode, 3u) | whole(wanted->stop, 1u) << 2 |
-                              whole(wanted->rearm, 7u) << 3);
+    record->flags = (uint8_t)(record->flags | (wanted->mode < 3u ? wanted->mode : 3u) |
+                              (wanted->stop != 0u ? 4u : 0u) | (wanted->rearm < 7u ? wanted->rearm : 7u) << 3);
 #endif
     memcpy(record->desired, values + ESEA_BLACKBOX_PACKED, sizeof record->desired);
 }

@@ -256,9 +256,9 @@ static bool stamped(esea_app_t *app, const mavlink_message_t *message)
 static void run_wanted(esea_app_t *app, const esea_link_wanted_t *wanted, uint32_t deadline_ms)
 {
     esea_motion_t *const motion = &app->motion;
-    const bool on = wanted->mode == 1.0f || wanted->mode == 2.0f;
+    const bool on = wanted->mode != 0u;
 
-    if (!on && wanted->mode != 0.0f) { /* NaN, or no mode: not a command */
+    if (wanted->mode > 2u) { /* no mode: not a command */
         esea_count(&motion->refused);
         return;
     }
@@ -341,7 +341,7 @@ static void run_message(esea_app_t *app)
     if (esea_link_decode(message, &task, &sequence, &in))
         replay_task(app, task, sequence, &in);
     else if (esea_link_decode_wanted(message, &wanted, &deadline_ms, &boot, &time_ms)) {
-        if (wanted.mode == 0.0f || in_time(app, boot, time_ms))
+        if (wanted.mode == 0u || in_time(app, boot, time_ms))
             run_wanted(app, &wanted, deadline_ms);
         else
             refuse_late(app, message, boot != 0u);

@@ -104,7 +104,7 @@ static void tell_limits(esea_app_t *app)
     const bool may = ESEA_LINK_AXES > 0u ? esea_state_drives(app->state) : app->state == ESEA_STATE_READY;
 
     if (motion->rearm_asked)
-        motion->rearm = motion->rearm < 7.0f ? motion->rearm + 1.0f : 0.0f;
+        motion->rearm = motion->rearm < 7u ? motion->rearm + 1u : 0u;
     esea_link_hold(&motion->wanted, on, !may, motion->rearm);
 }
 

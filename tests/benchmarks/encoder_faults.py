@@ -26,7 +26,7 @@ from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.run import run_case
 
-CONTROLLERS = ("smc", "mpc")
+CONTROLLERS = ("cascade", "smc", "mpc")
 # One case of each kind: nobody at the arm, a hand that lets itself be moved, one that moves.
 CASES = (
     ("tuning", "1.7 Nm 0.6 Hz"),

@@ -52,7 +52,7 @@ def expiring(board):
         "blackbox": board.message("ESEA_BLACKBOX", 0, 0, 0, 0, 255, 0, 0, [0] * 224),
     }
     wanted = board.dialect.MAVLink_esea_wanted_message
-    values = {"mode": 1.0, "tau_desired_Nm": 0.2}
+    values = {"mode": 1, "tau_desired_Nm": 0.2}
     return sent | {"wanted": wanted(*(values.get(n, 0) for n in wanted.fieldnames))}
 
 

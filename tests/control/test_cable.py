@@ -66,10 +66,11 @@ def cable(k: float, gap: float, zero: float, seconds: float = 7.0, torque=1.7):
 
 
 @pytest.mark.parametrize(
-    ("k", "gap", "zero"), [(150, 0.01, 0.0), (100, 0.02, 0.3), (300, 0.004, -1.2), (1e5, 0.0, 1.0)]
+    ("k", "gap", "zero", "torque"),
+    [(150, 0.01, 0.0, 3), (100, 0.02, 0.3, 1.7), (300, 0.004, -1.2, 4), (1e5, 0.0, 1.0, 1.7)],
 )
-def test_gap_stiffness_and_winding_are_learnt_whatever_the_zero(drive, k, gap, zero):
-    given, wound = cable(k, gap, zero)
+def test_gap_stiffness_and_winding_are_learnt_whatever_the_zero(drive, k, gap, zero, torque):
+    given, wound = cable(k, gap, zero, torque=torque)
     y, _ = cable_observer(drive).simulator().run(given)
     late = slice(-1700, None)
     assert np.all(y["status"] == 0)

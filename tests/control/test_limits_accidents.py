@@ -184,9 +184,7 @@ def test_stamp(drive, real):
     for bad in (*SPECIAL, 1.0):
         y = runner.step(u_command_Nm=bad)
         assert (y["u_command_Nm"], y["control_beat"], y["status"]) == (0, 0, 1)
-    state = runner.state
-    state["beats"] = np.nan
-    runner.state = state
+    runner.put_state({"beats": np.nan})
     assert runner.step(u_command_Nm=0.1)["status"] == 2
 
 

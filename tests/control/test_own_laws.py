@@ -95,7 +95,7 @@ def test_a_law_that_is_not_named_is_asked_for():
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('Port("mode"', 'Port("mod"', r"no wire .*Did you mean mode\?"),
+        ('count("mode"', 'count("mod"', r"no wire .*Did you mean mode\?"),
         ('nal.u_command_Nm")', 'nal.u_comand_Nm")', "no such port .*Did you mean u_command_Nm"),
     ],
 )

@@ -102,6 +102,20 @@ def test_a_wanted_damping_counts_as_felt(drive):
     assert off["tau_set_Nm"] == 0
 
 
+@pytest.mark.parametrize("motion_Hz", [2.0, 9.0, 20.0])
+def test_the_damping_fades_with_the_frequency(motion_Hz):
+    """0.2 Nms/rad, of which 0.7 go by the share that a low-pass of 9 Hz takes of the square."""
+    block, w = passivity(esea_gen.load_device("wrist_drive")).simulator(), 2 * math.pi * motion_Hz
+    speeds = np.cos(w * H * np.arange(2000))
+    moved = np.cumsum(speeds) * H
+    out = [
+        block.step(**sample(omega_load_rad_s=v, theta_load_rad=x))
+        for v, x in zip(speeds, moved, strict=True)
+    ]
+    expected = 0.2 * (0.3 + 0.7 / (1 + (motion_Hz / 9) ** 2))
+    assert np.mean([y["damping_Nms_rad"] for y in out[-500:]]) == pytest.approx(expected, abs=0.003)
+
+
 # -- what the drive may give -----------------------------------------------------------------------
 
 

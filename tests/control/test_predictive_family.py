@@ -22,7 +22,7 @@ from tests.control.test_predictive import Plain, check_linearisation
 from tests.model.test_family_device import EVERY, drive
 
 LINEAR, CUBIC = Rise("power", 1), Rise("power", 3)
-# The seismic bearing of docs/torque-models.md, weights rounded.
+# The seismic bearing of docs/torque-model-errors.md, weights rounded.
 BEARING = FittedMember(
     Member(
         "slips, worn",

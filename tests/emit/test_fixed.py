@@ -243,8 +243,9 @@ def header_problems(device, library):
             "out": "cannot overflow",
         }
         for group, said in behaviour.items():
-            fields = [f for f in plan.fields[group] if not (f.word or f.flag)]
-            flags = [f.name for f in plan.fields[group] if f.flag and group in ("in", "state")]
+            fields = [f for f in plan.fields[group] if not f.whole]
+            free = plan.fields[group] if group in ("in", "state") else ()
+            flags = [f.name for f in free if f.kind == "flag"]
             wrong += [x for x in flags if not re.search(rf"\({x}(_now)? <= 1u\)", step)]
             comments = _comments(header, f"{stem}_{group}_t") if fields else {}
             for f in fields:

@@ -135,7 +135,7 @@ static void write_wanted(mavlink_message_t *message)
     const uint8_t kind = next();
 
     memset(&wanted, 0, sizeof wanted);
-    wanted.mode = kind < 192u ? (float)(kind % 3u) : number();
+    wanted.mode = kind < 192u ? kind % 3u : kind;
     wanted.tau_desired_Nm = number();
     wanted.theta_desired_rad = number();
     wanted.omega_desired_rad_s = number();
@@ -205,7 +205,7 @@ static void command(uint16_t what, float param1)
     poll();
 }
 
-static void want(float mode, float tau_Nm)
+static void want(uint32_t mode, float tau_Nm)
 {
     mavlink_message_t message;
     mavlink_esea_wanted_t wanted;
@@ -236,11 +236,11 @@ static void start_driven(void)
     pass(20u);
     command(ESEA_LINK_CMD_ZERO, 0.0f);
     pass(230u);
-    want(0.0f, 0.0f);
+    want(0u, 0.0f);
     pass(20u);
     command(MAV_CMD_COMPONENT_ARM_DISARM, 1.0f);
     pass(20u);
-    want(1.0f, 0.5f);
+    want(1u, 0.5f);
     pass(20u);
     must(app.state == ESEA_STATE_ACTIVE && motor_on && motors_Nm[0] != 0.0f);
 }

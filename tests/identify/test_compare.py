@@ -313,17 +313,20 @@ def test_of_what_is_held_out_a_peer_knows_nothing(tmp_path, name):
 
 @pytest.mark.ci
 def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
-    """Named, or asked for with what only the published form has."""
+    """Named, or asked for with what only the published form has; one search is drawn."""
     require_tool("gcc")
+    fit, seen, draw = comparing.fit_split, [], ["--draw", str(tmp_path / "search.png")]
+    monkeypatch.setattr(comparing, "fit_split", lambda *a: seen.append(a[-1].watch) or fit(*a))
     few = tuple(m for m in members() if m.name in ("stops", "slips"))
     monkeypatch.setattr(comparing, "members", lambda: few)
     path = write_rig(tmp_path, {"small": 2.0, "middle": 3.5, "large": 5.0})
     found = {}
-    for name, given in (("chosen", []), ("published", ["--model", "published"])):
+    for name, given in (("chosen", draw), ("published", ["--model", "published"])):
         out = tmp_path / name
         done = CliRunner().invoke(app, ["identify", str(path), "--out", str(out), *given])
         assert done.exit_code == 0, done.output
         found[name] = json.loads((out / "rig.json").read_text())
+    assert len([s for s in seen if s]) == 1 < len(seen)
     choice = found["chosen"]["choice"]
     assert choice["chosen"] in ("stops", "slips", "published")
     assert found["chosen"]["notes"][:2] == choice["reasons"][:2]

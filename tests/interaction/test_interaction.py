@@ -113,7 +113,7 @@ def test_a_latched_fault_is_a_result():
 
 # -- verdicts -------------------------------------------------------------------------------------
 
-QUIET = PushRun(held_J=2e-3, held_end_J=1e-3, exchanged_J=1e-2)
+QUIET = PushRun(held_J=2e-3, held_end_J=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["--points", 1], ["1 points", "2 to 41"]),
         (["--points", 900], ["900 points", "2 to 41"]),
-        (["--push", 0], ["push of 0 rad/s", "more than 0 and at most 0.6"]),
+        (["--push", 0], ["push of 0 rad/s", "up to 0.6"]),
         (["--wall", -1], ["wall of -1 Nm/rad", "0, for none, to 10000"]),
         (["--push", 5], ["push of 5 rad/s", "range of motion"]),
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),

@@ -114,9 +114,9 @@ def test_a_step_of_the_cables_gap(drive):
     closed = u.mode > 1.5
     taut = ok & (pulls | pushes)
     on = taut & (s.taut != 0)
-    change = clip(where(on, u.tau_Nm - s.mean_Nm, 0), -1, 1)
-    missed = clip(where(on, turned - s.mean_rad, 0), -0.03, 0.03) - s.give_rad_Nm * change
-    give = clip(s.give_rad_Nm + 0.2 * share * missed * change, 0, 1 / 80)
+    change = where(on, pull - s.mean_Nm, 0)
+    missed = clip(where(on, turned - s.mean_rad, 0) - s.give_rad_Nm * change, -0.03, 0.03)
+    give = clip(s.give_rad_Nm + 0.2 * share * missed * clip(change, -1, 1), 0, 1 / 80)
     slow = 1 - math.exp(-0.25 * 20 * H)
     gap = where(closed, 0, where(ok, np.minimum(kept_high - kept_low, 0.03), 0.006))
     run.compare(
@@ -128,7 +128,7 @@ def test_a_step_of_the_cables_gap(drive):
             "next_low_shown": ok & ((was & down) | pushes),
             "next_taut": taut,
             "next_mean_rad": where(on, s.mean_rad + slow * (turned - s.mean_rad), turned),
-            "next_mean_Nm": where(on, s.mean_Nm + slow * (u.tau_Nm - s.mean_Nm), u.tau_Nm),
+            "next_mean_Nm": where(on, s.mean_Nm + slow * (pull - s.mean_Nm), pull),
             "next_give_rad_Nm": give,
             "y_wound_rad": where(ok & ~closed, wound, 0) + carried,
             "y_give_rad_Nm": give,

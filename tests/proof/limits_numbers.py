@@ -145,8 +145,9 @@ def snapped(value: Fraction) -> Fraction:
     return Fraction(float(_ends(value)[0]))
 
 
-def of_field(term: str, fraction: int | None) -> Number:
+def of_field(term: str, fraction: int | None, unsigned: bool = False) -> Number:
     """Number of a C field: a float, or raw, in 32 bits."""
     if fraction is None:
         return Number(term, None)
-    return Number(f"((_ sign_extend {WIDE - 32}) {term})", fraction)
+    how = "zero_extend" if unsigned else "sign_extend"
+    return Number(f"((_ {how} {WIDE - 32}) {term})", fraction)

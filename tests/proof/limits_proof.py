@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from esea_gen.control.limits.faults import Fault
-from esea_gen.control.limits.latch import RELEASED_KEY
+from esea_gen.control.limits.latch import MIRROR, RELEASED_KEY, UNKNOWN
 from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
@@ -210,8 +210,7 @@ def _memory(s: Step) -> str:
     bad.append(negated(some(key.equals(0), key.equals(KEY))))
     bad.append(every(key.equals(KEY), fault.differs(0)))
     bad.append(every(key.equals(0), some(negated(fault >= 1), last.differs(0))))
-    for one, other in (("fault_stored", "fault_mirror"), ("rearm_last", "rearm_mirror")):
-        bad.append(s.before(one).differs(-s.before(other)))
+    bad += [(s.before(one) + s.before(other)).differs(total) for one, other, total in PAIRS[:2]]
     # Raw numbers of the last command may be one unit apart: half a unit rounds to none.
     apart = s.before("u_last_Nm") + s.before("u_mirror_Nm")
     unit = 0 if apart.fraction is None else Fraction(1, 2**apart.fraction)
@@ -235,11 +234,7 @@ def _shown_cause(s: Step) -> str:
 @_holds("nothing is released but with mode 0, rearm one more, command 0, a closed whole memory")
 def _release(s: Step) -> str:
     last, now = s.before("rearm_last"), s.given("rearm")
-    # A last request that is not whole, in both its copies, is rounded as the format does.
-    near = Fraction(1, 2**20)
-    following = some(
-        *(every(last.inside(k - near, k + near), now.equals((k + 1) % 8)) for k in range(8))
-    )
+    following = some(*(every(last.equals(k), now.equals((k + 1) % 8)) for k in range(8)))
     conditions = every(
         s.given("mode").equals(0),
         s.given("u_command_Nm").equals(0),
@@ -258,15 +253,15 @@ def _latched_no_torque(s: Step) -> str:
 
 
 PAIRS = (
-    ("fault_stored", "fault_mirror"),
-    ("rearm_last", "rearm_mirror"),
-    ("u_last_Nm", "u_mirror_Nm"),
+    ("fault_stored", "fault_mirror", MIRROR),
+    ("rearm_last", "rearm_mirror", MIRROR),
+    ("u_last_Nm", "u_mirror_Nm", 0),
 )
 
 
 def _agree(of: Callable[[str], Number]) -> str:
     """What is stored twice is the same."""
-    return every(*(of(one).equals(-of(other)) for one, other in PAIRS))
+    return every(*((of(one) + of(other)).equals(total) for one, other, total in PAIRS))
 
 
 @_holds("the first reason stays until the release")
@@ -331,7 +326,7 @@ def _request_spent(s: Step) -> str:
     now, corrupt = s.given("rearm"), s.flag("STATE_REPAIRED")
     seen = some(*(now.equals(k) for k in range(8)))
     remembered = s.after("rearm_last").equals(now)
-    unknown = s.after("rearm_last").equals(-1)
+    unknown = s.after("rearm_last").equals(UNKNOWN)
     return every(implied(every(seen, negated(corrupt)), remembered), implied(corrupt, unknown))
 
 

@@ -120,8 +120,9 @@ class Step:
     def _number(self, group: str, name: str, index: int | None, term: str | None) -> Number:
         place = self._place(group, name, index)
         kind = self.reader.fields[place]
-        fraction = self.c.renderer.naming.fraction(self.block, group, name)
-        return of_field(term or self.script.unknown(place, kind.sort), fraction)
+        unsigned = self._port(group, name).kind != "quantity"
+        fraction = 0 if unsigned else self.c.renderer.naming.fraction(self.block, group, name)
+        return of_field(term or self.script.unknown(place, kind.sort), fraction, unsigned)
 
     def coef(self, name: str) -> Number:
         """A coefficient."""

@@ -18,7 +18,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.codec import to_flag
+from esea_gen.hostlib.codec import to_whole
 from esea_gen.hostlib.compiler import find_compiler, run_tool
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.ports import Array
@@ -155,7 +155,7 @@ def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any])
         for name, value in patches.items():
             kind = state[name]
             offset = int(state.fields[name][1]) if state.fields else 0
-            held = to_flag(value) if kind.base == np.uint32 else np.asarray(value)
+            held = to_whole(value) if kind.base == np.uint32 else np.asarray(value)
             with np.errstate(over="ignore"):
                 data = held.reshape(kind.shape).astype(kind.base).tobytes()
             out.append(struct.pack("=II", offset, len(data)) + data)

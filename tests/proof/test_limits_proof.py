@@ -72,7 +72,7 @@ def _in(name: str, old: str, new: str):
 
 ZERO = r"0(?:\.0f)?"
 FAULTS = {
-    "stop is ignored": ("stop", _everywhere(rf"(stop_used\w*) == {ZERO}", r"\1 == \1")),
+    "stop is ignored": ("stop", _in("stop_used", "stop != 0u", "stop != stop")),
     "released without a request": ("release", _in("release", r"\brearm_edge\b", "1")),
     "released with a command": ("release", _in("release", rf"u_command\w* == {ZERO}", "1")),
     "released in any mode": ("release", _in("release", r"&& \w+(?= && \(u_command)", "&& 1")),
@@ -84,7 +84,7 @@ FAULTS = {
         "command_within_narrowed",
         _everywhere(r"esea_\w*min\((\w+), u_max(\w*)\)", r"esea_m2(\1, u_max\2)"),
     ),
-    "a cause is left out": ("shown_cause", _in("cause", r"\|\| stopped(?= )", "")),
+    "a cause is left out": ("shown_cause", _in("cause", r"\|\| stop_used(?= )", "")),
     "the last cause is left out": ("energy shown_cause", _in("cause", r"\s*\|\|\s*\w+$", "")),
     "not cut in the same step": (
         "stop",
@@ -100,7 +100,7 @@ FAULTS = {
     ),
     "the request is not remembered": (
         "request_spent",
-        _everywhere(r"(state->rearm_last\w*) = \w+;", r"\1 = \1;"),
+        _everywhere(r"(state->rearm_last\w*) = [^;]+;", r"\1 = \1;"),
     ),
     "the change is not limited": ("command_rate", _in("u_followed", r"(?s).*", "u_shaped@")),
 }

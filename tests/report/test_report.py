@@ -268,9 +268,7 @@ def test_a_failing_comparison_turns_the_banner(chirped: Report, how: str) -> Non
     assert failed.problems
     assert all(p in Page(text).text for p in failed.problems)
     assert failed.summary()[1].startswith("FAILED: The C does not match the model; ")
-    assert (
-        "sensor reads is not known" in failed.summary()[2]
-    )  # what the device does is another matter
+    assert "accuracy is not known" in failed.summary()[2]  # what the device does is another matter
 
 
 def test_a_board_that_differs_or_dies_turns_the_banner(recorded: Report) -> None:
@@ -282,7 +280,7 @@ def test_a_board_that_differs_or_dies_turns_the_banner(recorded: Report) -> None
     (largest,) = [recorded.to_dict()["verdicts"]["device"]["largest_Nm"]]
     held_out = [s["held_out"] for s in recorded.to_dict()["fit"]["sets"]]
     assert largest == max(s["max_Nm"] for s in held_out if s)
-    said = f"The sensor reads 4.47 Nm within {largest:.2g} Nm; largest error on held-out cycles"
+    said = f"The sensor's error is at most {largest:.2g} Nm of 4.47 Nm; held-out cycles"
     assert recorded.summary()[2].startswith(said)
     assert "every bit equal" in Page(recorded.html()).text
     label, result = next(iter(recorded.board.results.items()))

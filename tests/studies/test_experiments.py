@@ -10,6 +10,7 @@ import json
 import numpy as np
 import pytest
 
+from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import load_study
@@ -76,6 +77,13 @@ def test_a_baseline_is_worth_what_the_person_knows(controller, knows, does_not):
 
 def test_predictive_control_with_preview():
     assert rms("tuning", "mpc") < 0.05  # median over ten seeds: 0.040
+
+
+def test_scaled_damping_is_one_that_the_device_may_render():
+    wrist = load_device("wrist_drive")
+    cases = load_study("impedance", ClosedLoopStudy).of(wrist).cases_run()
+    most = wrist.file.passivity.Kd_max_Nms_rad.value
+    assert max(c.tunables["reference"]["Kd_Nms_rad"] for c in cases) == pytest.approx(most)
 
 
 def test_json_holds_every_case_and_seed(tmp_path):

@@ -186,6 +186,7 @@ def test_a_wrong_gain_fails_whatever_the_load(elbow, mass_kg, gain):
     said, to_do = checked(elbow, replace(recorded, tau_Nm=gain * recorded.tau_Nm), known).suspects
     assert f"{'softer' if gain > 1 else 'stiffer'} than its model" in said
     assert "repeat with another mass" in to_do
+    assert "its sign is wrong" in checked(elbow, sensor(gain=-1.0), KNOWN).suspects[0]
 
 
 @pytest.mark.parametrize("gain", [0.97, 1.03])

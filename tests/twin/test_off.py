@@ -187,7 +187,7 @@ def test_missed_runs_do_not_run(loop):
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 @pytest.mark.parametrize(("in_a_row", "latches"), [(4, False), (5, True)])
 def test_how_many_missed_runs_are_bridged(controller, in_a_row, latches):
-    # docs/uncertainty.md states the number: four.
+    # docs/robustness.md states the number: four.
     drive = controller_device(controller)
     case = shorter(TuningCase().cases()[0], 4)
     loop = compiled_loop(drive, True, "f32")

@@ -135,7 +135,7 @@ def parts(base):
         "All torque, whatever is measured",
         period_s=base.control_period_s,
         state=(Port("runs", 0, 1, "nothing"),),
-        inputs=(Port("mode", 0, 2, "mode"),),
+        inputs=(Port.count("mode", 2, "mode"),),
         outputs=(around("u_command_Nm", 0.221, "command"),),
         step=step,
     )
@@ -197,20 +197,21 @@ def test_the_drive_does_as_the_proof_assumes(controller, plant):
     assert np.max(grown - np.minimum.accumulate(grown)) < 0.02
 
 
-# On the plant `real`; without the Block, a light hand on a soft spring gets ten times its push.
+# On the plant `real`, and on a drawn one with hands that swing at 4 Hz with half the damping and at
+# 20 Hz with all of it; without the Block, a light hand on a soft spring gets ten times its push.
 def test_the_rendered_wrist_is_passive(tmp_path):
-    def worst(controller, axis, hand):
+    def passive(controller, axis, hand, plant="real", seed=0):
         push_J = 0.5 * hand.inertia_kgm2 * PUSH_RAD_S**2
-        run = run_push(3.0, 0.05, asdict(hand), controller, "real", PUSH_RAD_S, 0, axis=axis)
-        return PushRun(**run).swings_up(push_J), run["generated_J"] / push_J
+        run = run_push(3.0, 0.05, asdict(hand), controller, plant, PUSH_RAD_S, seed, axis=axis)
+        return not PushRun(**run).swings_up(push_J) and run["generated_J"] < 0.01 * push_J
 
     for axis in ("flexion", "deviation"):
         for hand in (*WRIST_HANDS[:3], WRIST_HANDS[-1]):
-            swings, share = worst("wrist_drive", axis, hand)
-            assert not swings, (axis, hand)
-            assert share < 0.01, (axis, hand)
+            assert passive("wrist_drive", axis, hand), (axis, hand)
+    for hand in (WRIST_HANDS[2], WRIST_HANDS[4]):
+        assert passive("wrist_drive", "deviation", hand, "random", 204), hand
     text = SHIPPED.with_name("wrist_drive.toml").read_text(encoding="utf-8")
     bare = tmp_path / "bare.toml"
     text = without(text, "passivity").replace('name = "wrist_drive"', 'name = "bare"')
     bare.write_text(text, encoding="utf-8")
-    assert worst(str(bare), "flexion", WRIST_HANDS[1])[0]
+    assert not passive(str(bare), "flexion", WRIST_HANDS[1])

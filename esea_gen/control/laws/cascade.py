@@ -99,7 +99,7 @@ class _Cascade:
         omega, rate = drive.omega_rad_s, drive.rate_rad_s
         turn, _ = motion_limits(device)
         self.inputs = (
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
             around("tau_set_Nm", self.tau_lim, "set torque"),
             around("tau_rate_Nm_s", turn, "its rate"),
             Port("governed", 0.0, 1.0, "share of that rate that is believed"),

@@ -7,8 +7,8 @@ with a new ``rearm``, the cause gone and the controller's own command at zero.
 
 The latch is closed by default: at the start, of a corrupt state, of memory filled with zeros.  The
 one ``key`` that means released differs from 0 in 16 bits.  ``fault``, ``rearm_last`` and
-``u_last_Nm`` are stored twice, once negated, and must agree.  Coefficients are memory as well: each
-is checked against its compiled range at every step.
+``u_last_Nm`` are stored twice, once as a complement, and must agree.  Coefficients are memory as
+well: each is checked against its compiled range at every step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,13 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.limits.faults import DOUBTS, FAULT_CODES, OPTIONAL, limit_status
-from esea_gen.control.limits.latch import REARMS, RELEASED_KEY, UNKNOWN, limit_step
+from esea_gen.control.limits.latch import (
+    LAST_REARM,
+    MIRROR,
+    RELEASED_KEY,
+    UNKNOWN,
+    limit_step,
+)
 from esea_gen.control.limits.safety import (
     SLOTS,
     STALE_PERIODS,
@@ -29,7 +35,7 @@ from esea_gen.control.limits.safety import (
     safety_sections,
 )
 from esea_gen.control.limits.streams import STREAMS
-from esea_gen.control.reference import IMPEDANCE, OFF
+from esea_gen.control.reference import IMPEDANCE
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
@@ -50,7 +56,7 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
 
     def step(_c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         beat = label("beat_next", ca.if_else(s.beats >= BEATS, 1.0, s.beats + 1), "1 to 255")
-        sound = ca.logic_and(guard.inputs_ok, u.request_ok == 1) if checked else guard.inputs_ok
+        sound = ca.logic_and(guard.inputs_ok, u.request_ok) if checked else guard.inputs_ok
         return {"beats": beat}, {
             "u_command_Nm": ca.if_else(sound, u.u_command_Nm, 0.0) if checked else u.u_command_Nm,
             "control_beat": ca.if_else(sound, beat, 0.0),
@@ -61,14 +67,14 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
         "stamp",
         "Command stamp: shows the limits that the control task is alive",
         period_s=every * device.period_s,
-        state=(Port("beats", 0, BEATS, "last stamp"),),
+        state=(Port.count("beats", BEATS, "last stamp"),),
         inputs=(
             around("u_command_Nm", reach, "the controller's motor torque"),
-            *((Port("request_ok", 0, 1, "1 while what is wanted is sound"),) if checked else ()),
+            *((Port.flag("request_ok", "1 while what is wanted is sound"),) if checked else ()),
         ),
         outputs=(
             around("u_command_Nm", reach, "the same, 0 where it was invalid"),
-            Port("control_beat", 0, BEATS, "changes with every run; 0 with an invalid command"),
+            Port.count("control_beat", BEATS, "changes with every run; 0 with an invalid command"),
             status_port(
                 "what is known of this command",
                 "the command was NaN or outside its range; 0 is passed on",
@@ -158,16 +164,16 @@ class _Limits:
         codes = FAULT_CODES if self.warms else FAULT_CODES[: -len(OPTIONAL)]
         last_code = float(codes[-1].value)
         self.state = (
-            Port("key", 0.0, RELEASED_KEY, "0 latched, one odd number released, else corrupt"),
-            Port("fault_stored", 0, last_code, "reason of the latch, 0 released", init=1.0),
-            Port("fault_mirror", -last_code, 0, "the same, negated", init=-1.0),
-            Port("rearm_last", UNKNOWN, REARMS[-1], "last rearm; -1 unknown", init=UNKNOWN),
-            Port("rearm_mirror", -REARMS[-1], -UNKNOWN, "the same, negated", init=-UNKNOWN),
+            Port.count("key", RELEASED_KEY, "0 latched, one number released, else corrupt"),
+            Port.count("fault_stored", last_code, "reason of the latch, 0 released", init=1.0),
+            Port.count("fault_mirror", MIRROR, "255 less it", low=MIRROR - last_code, init=254),
+            Port.count("rearm_last", UNKNOWN, "last rearm; 8 unknown", init=UNKNOWN),
+            Port.count("rearm_mirror", MIRROR, "255 less it", low=MIRROR - UNKNOWN, init=247),
             around("u_last_Nm", n.u_max, "last motor command"),
             around("u_mirror_Nm", n.u_max, "the same, negated"),
-            Port("beat_last", 0, BEATS, "last stamp seen"),
-            Port("age", 0, n.stale_ticks, "periods since it changed", init=n.stale_ticks),
-            Port("ticks", 0, n.slot_ticks, "periods in the present slot"),
+            Port.count("beat_last", BEATS, "last stamp seen"),
+            Port.count("age", n.stale_ticks, "periods since it changed", init=n.stale_ticks),
+            Port.count("ticks", n.slot_ticks, "periods in the present slot"),
             Port("slot_J", 0.0, n.slot_lim, "energy given in the present slot"),
             Port(
                 "slots_J", 0.0, n.slot_lim, "energy given in the slots before, newest first", SLOTS
@@ -180,12 +186,12 @@ class _Limits:
         motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
         self.inputs = (
             around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
-            Port("control_beat", 0, BEATS, delivered, on_invalid="beat_last"),
-            Port("mode", OFF, IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
-            Port("stop", 0, 1, "0 no, anything else stops", on_invalid=1.0),
-            Port("rearm", 0, REARMS[-1], counted, on_invalid="rearm_last"),
-            Port("request_ok", 0, 1, "1 while what is wanted is sound"),
-            Port("sensing_ok", 0, 1, "1 while the measurements are good"),
+            Port.count("control_beat", BEATS, delivered, on_invalid="beat_last"),
+            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
+            Port.flag("stop", "0 no, anything else stops", on_invalid=1.0),
+            Port.count("rearm", LAST_REARM, counted, on_invalid="rearm_last"),
+            Port.flag("request_ok", "1 while what is wanted is sound"),
+            Port.flag("sensing_ok", "1 while the measurements are good"),
             around("theta_rad", n.theta_lim, "deflection of the coupling"),
             Port("theta_motor_rad", motor_low, motor_high, "motor side's joint angle"),
             around("omega_motor_rad_s", n.omega_motor_lim, "motor side's speed"),
@@ -195,7 +201,7 @@ class _Limits:
             CLOCK_OK,
             LATE_LEVEL,
             COEFFS_OK,
-            *((Port("doubt", 0, len(DOUBTS), doubts),) if self.watched else ()),
+            *((Port.count("doubt", len(DOUBTS), doubts),) if self.watched else ()),
             *((Port("u_thermal_Nm", 0.0, n.u_max, left),) if self.warms else ()),
         )
         most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
@@ -205,7 +211,7 @@ class _Limits:
             around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
             around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
             Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
-            Port("fault", 0, last_code, reason, codes=codes),
+            Port.count("fault", last_code, reason, codes=codes),
             limit_status(n.energy_max),
         )
 

@@ -11,15 +11,15 @@ import casadi as ca
 
 from esea_gen.control.limits.faults import DOUBTS, Fault
 from esea_gen.control.limits.safety import LimitNumbers
-from esea_gen.control.reference import IMPEDANCE, OFF, TORQUE
+from esea_gen.control.reference import OFF
 from esea_gen.language.block import Guard, Labels, StepResult
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST
 
-RELEASED_KEY = 5592405.5  # 16 bits set as float32 (0x4AAAAAAB) and as float64; latched is 0
-UNKNOWN = -1.0  # rearm_last before a request was seen: the first one is no edge
-MODES = (OFF, TORQUE, IMPEDANCE)
-REARMS = tuple(range(8))  # rearm counts in these and wraps
+RELEASED_KEY = 0xFFAA55  # 16 bits set, and exact as float32; latched is 0
+LAST_REARM = 7  # rearm counts up to it and wraps
+UNKNOWN = 8  # rearm_last before a request was seen: the first one is no edge
+MIRROR = 255  # less a number is its mirror
 
 
 def _any(conditions: Iterable[ca.SX]) -> ca.SX:
@@ -28,10 +28,6 @@ def _any(conditions: Iterable[ca.SX]) -> ca.SX:
 
 def _all(conditions: Iterable[ca.SX]) -> ca.SX:
     return reduce(ca.logic_and, conditions)
-
-
-def _one_of(x: ca.SX, values: Iterable[float]) -> ca.SX:
-    return _any([x == k for k in values])
 
 
 def limit_step(
@@ -53,9 +49,9 @@ def limit_step(
     next_state = {
         "key": ca.if_else(latch.run, RELEASED_KEY, 0.0),
         "fault_stored": latch.fault,
-        "fault_mirror": -latch.fault,
+        "fault_mirror": MIRROR - latch.fault,
         "rearm_last": latch.rearm,
-        "rearm_mirror": -latch.rearm,
+        "rearm_mirror": MIRROR - latch.rearm,
         "u_last_Nm": u_out,
         "u_mirror_Nm": -u_out,
         "beat_last": u.control_beat,
@@ -95,8 +91,8 @@ def _memory(
         _all(
             [
                 guard.state_ok,
-                s.fault_stored + s.fault_mirror == 0,
-                s.rearm_last + s.rearm_mirror == 0,
+                s.fault_stored + s.fault_mirror == MIRROR,
+                s.rearm_last + s.rearm_mirror == MIRROR,
                 s.u_last_Nm + s.u_mirror_Nm == 0,
                 ca.logic_or(
                     ca.logic_and(released, s.fault_stored == 0),
@@ -107,14 +103,8 @@ def _memory(
         "1 when no part of the memory contradicts another",
     )
     was_released = label("was_released", ca.logic_and(trusted, released))
-    rearm_whole = _one_of(u.rearm, REARMS)
-    known_doubt = _one_of(u.doubt, range(len(DOUBTS) + 1))
     inputs_ok = label(
-        "inputs_valid",
-        _all(
-            [guard.inputs_ok, _one_of(u.mode, MODES), rearm_whole, known_doubt, u.request_ok == 1]
-        ),
-        "and whole, and what is wanted is",
+        "inputs_valid", ca.logic_and(guard.inputs_ok, u.request_ok), "and what is wanted is"
     )
     tunables_ok = label(
         "tunables_valid",
@@ -128,19 +118,19 @@ def _memory(
         closed=closed,
         trusted=trusted,
         was_released=was_released,
-        rearm_whole=rearm_whole,
         inputs_ok=inputs_ok,
         tunables_ok=tunables_ok,
     )
 
 
 def _control_age(n: LimitNumbers, s: Any, u: Any, label: Labels) -> ca.SX:
+    older = ca.if_else(s.age >= n.stale_ticks, s.age, s.age + 1)
     delivered = ca.logic_and(u.control_beat >= 1, ca.logic_not(u.control_beat == s.beat_last))
     return label(
         "age_ticks",
         ca.if_else(
             u.control_beat >= 1,
-            ca.if_else(delivered, 0.0, ca.fmin(s.age + 1, n.stale_ticks)),
+            ca.if_else(delivered, 0.0, older),
             n.stale_ticks,
         ),
         "periods since the control task delivered",
@@ -185,9 +175,9 @@ def _causes(
     causes = {
         Fault.STATE_CORRUPT: ca.logic_not(m.trusted),
         Fault.TUNABLE_INVALID: ca.logic_not(m.tunables_ok),
-        Fault.STOP: ca.logic_not(u.stop == 0),
+        Fault.STOP: u.stop,
         Fault.INPUT_INVALID: ca.logic_not(m.inputs_ok),
-        Fault.SENSING: ca.logic_not(u.sensing_ok == 1),
+        Fault.SENSING: ca.logic_not(u.sensing_ok),
         Fault.CONTROL_STALE: age >= n.stale_ticks,
         Fault.DEFLECTION: measured(
             ca.fabs(u.theta_rad) > c.theta_max_rad, ca.fabs(apart) > c.theta_max_rad
@@ -196,9 +186,9 @@ def _causes(
         Fault.SPEED: measured(speed > c.omega_max_rad_s),
         Fault.RANGE_OF_MOTION: measured(u.theta_load_rad > highest, u.theta_load_rad < lowest),
         Fault.ENERGY: energy > c.energy_max_J,
-        Fault.CLOCK: ca.logic_not(u.clock_ok == 1),
+        Fault.CLOCK: ca.logic_not(u.clock_ok),
         Fault.LATE: u.late_level > LATE_MOST,
-        Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok == 1),
+        Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok),
         **{fault: u.doubt == k for k, fault in enumerate(DOUBTS, 1)},
     }
     hot = {} if u.u_thermal_Nm is None else {Fault.MOTOR_HOT: ca.logic_not(u.u_thermal_Nm > 0)}
@@ -214,10 +204,10 @@ def _latch(
     for code, found in reversed(list(causes.items())):
         reason = ca.if_else(found, float(code), reason)
 
-    known = ca.logic_and(m.trusted, s.rearm_last >= 0)
-    following = ca.if_else(s.rearm_last >= REARMS[-1], 0.0, s.rearm_last + 1)
+    known = ca.logic_and(m.trusted, s.rearm_last <= LAST_REARM)
+    following = ca.if_else(s.rearm_last >= LAST_REARM, 0.0, s.rearm_last + 1)
     request = label("rearm_edge", ca.logic_and(known, u.rearm == following), "one more")
-    changed = _all([known, m.rearm_whole, ca.logic_not(u.rearm == s.rearm_last)])
+    changed = ca.logic_and(known, ca.logic_not(u.rearm == s.rearm_last))
     release = label(
         "release",
         _all([request, m.closed, ca.logic_not(cause), u.mode == OFF, u.u_command_Nm == 0]),
@@ -231,7 +221,7 @@ def _latch(
         "the first reason stays",
     )
     # What a corrupt memory says of the last request is no ground for an edge.
-    rearm = ca.if_else(m.trusted, ca.if_else(m.rearm_whole, u.rearm, s.rearm_last), UNKNOWN)
+    rearm = ca.if_else(m.trusted, u.rearm, UNKNOWN)
     refused = ca.logic_and(changed, ca.logic_and(m.closed, ca.logic_not(release)))
     return SimpleNamespace(run=run, fault=fault, rearm=rearm, refused=refused)
 

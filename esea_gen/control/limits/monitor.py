@@ -111,7 +111,7 @@ class _EncoderMonitor:
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         )
         self.outputs = (
-            Port("doubt", SOUND, STUCK, "0 none, 2 rough reading, 3 bit stuck"),
+            Port.count("doubt", STUCK, "0 none, 2 rough reading, 3 bit stuck"),
             status_port(
                 "what is doubted of this encoder",
                 "count or frame word was NaN or outside its range: nothing is judged by it",
@@ -189,15 +189,15 @@ class _Monitor:
             ),
         )
         self.inputs = (
-            Port("doubt_motor", SOUND, STUCK, "of the motor-side encoder"),
-            Port("doubt_load", SOUND, STUCK, "of the load-side encoder"),
-            *([Port("doubt_gear", SOUND, STUCK, "of the motor's own encoder")] * self.gear),
+            Port.count("doubt_motor", STUCK, "of the motor-side encoder"),
+            Port.count("doubt_load", STUCK, "of the load-side encoder"),
+            *([Port.count("doubt_gear", STUCK, "of the motor's own encoder")] * self.gear),
             around("u_command_Nm", command_range(device), "command before the limits"),
             around("tau_set_Nm", full, "set torque"),
             around("tau_Nm", tau, "measured interaction torque"),
         )
         self.outputs = (
-            Port("doubt", SOUND, STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
+            Port.count("doubt", STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
             status_port(
                 "what is doubted",
                 "an input was NaN or outside its range",
@@ -219,8 +219,10 @@ class _Monitor:
         last = ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last)
         next_state = {"u_last_Nm": followed, "limit_last": last, "swings": swings}
         next_state["missed_Nm"] = ca.if_else(swung, 0.0, missed)
-        doubt = ca.fmax(ca.fmax(u.doubt_motor, u.doubt_load), often)
-        doubt = ca.fmax(doubt, u.doubt_gear) if self.gear else doubt
+        doubt = u.doubt_motor
+        for other in (u.doubt_load, *([u.doubt_gear] if self.gear else [])):
+            doubt = ca.if_else(other > doubt, other, doubt)
+        doubt = ca.if_else(doubt > SOUND, doubt, ca.if_else(often, float(SWINGS), float(SOUND)))
         return next_state, {"doubt": doubt, "status": guard.status(often)}
 
 

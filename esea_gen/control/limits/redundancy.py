@@ -55,15 +55,15 @@ class _Redundancy:
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
-            Port("motor_usable", 0.0, 1.0, "1 when the motor-side encoder is usable"),
+            Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
             around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
-            Port("gear_usable", 0.0, 1.0, "1 when the motor's encoder is usable"),
+            Port.flag("gear_usable", "1 when the motor's encoder is usable"),
             around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
             Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
         )
         self.outputs = (
-            Port("agree", 0.0, 1.0, "1 when nothing that can be compared parts"),
+            Port.flag("agree", "1 when nothing that can be compared parts"),
             around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
             around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
             Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
@@ -87,7 +87,7 @@ class _Redundancy:
         return tuple(c for c in self.device.constants("actuator") if c.name == "J_kgm2")
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        both = ca.logic_and(u.motor_usable >= 0.5, u.gear_usable >= 0.5)
+        both = ca.logic_and(u.motor_usable, u.gear_usable)
         # A repaired memory has no zero: the limits latch, and the person who rearms takes it anew.
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
         ready = label("ready", ca.logic_and(sound, both), "both angles can be compared")

@@ -95,7 +95,7 @@ class _Ahead:
     def _ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         full = self.full_scale
         inputs = [
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
             if self.torque_given
             else around("tau_wanted_Nm", self.tau_lim, "wanted torque now"),
@@ -139,8 +139,8 @@ class _Ahead:
             if self.passive:
                 inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
-            Port("mode", 0.0, 2.0, "mode that holds; 0 with an invalid input"),
-            Port("request_ok", 0, 1, "1 while every input is sound; else the limits latch"),
+            Port.count("mode", 2, "mode that holds; 0 with an invalid input"),
+            Port.flag("request_ok", "1 while every input is sound; else the limits latch"),
             Port("status", 0, 1, "what is known of it", flags=flags),
         ]
         return tuple(inputs), tuple(outputs)

@@ -150,7 +150,7 @@ class _Drive:
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),
             *((curve,) if self.published else ()),
-            Port("mode", 0, 2, "0 off: the command is 0"),
+            Port.count("mode", 2, "0 off: the command is 0"),
             around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many),
         )
         if self.impedance:

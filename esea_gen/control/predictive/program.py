@@ -7,6 +7,7 @@ real-time iteration a step (M. Diehl et al., J. Process Control 12(4), 2002).
 from __future__ import annotations
 
 import math
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -49,6 +50,8 @@ class _Writer:
         self.b = b = Builder()
         n, nx = horizon.intervals, len(model.states)
         self.n, self.nx = n, nx
+        self.loop = partial(b.loop, unroll=n <= UNROLL_MOST)
+        self.each = partial(b.each, n, unroll=n <= UNROLL_MOST)
         self.qp: QpMemory = add_box_qp(b, n, cap)
         # One a length of intervals: what each takes is folded into its kernels.
         self.lins = [
@@ -176,25 +179,12 @@ class _Writer:
         m, b, n, z = self.m, self.b, self.n, self.z
         valid = self.valid
         sound = b.array("sound", 1, meaning="1 when the plan was")
-        unroll = n <= UNROLL_MOST
         qp = self.qp
         with b.part("step", comment=""):
             b.invoke("guard")
             b.call("good", [], [sound[0]], one)
-            with b.loop(0, n, unroll=unroll) as j:
-                b.call(
-                    "plan_ok",
-                    [self.plan[j], sound[0]],
-                    [sound[0]],
-                    lambda v, ok: ca.logic_and(ok, in_range(v, -1.0, 1.0)),
-                )
-            with b.loop(0, n, unroll=unroll) as j:
-                b.call(
-                    "plan_used",
-                    [self.plan[j], sound[0]],
-                    [qp.x[j]],
-                    lambda v, ok: ca.if_else(ok, v, 0),
-                )
+            self.each("plan_ok", [self.plan, sound[0]], [sound[0]], _and_inside)
+            self.each("plan_used", [self.plan, sound[0]], [qp.x], _or_none)
             # Warm start: the last plan, a period later.
             for first, stop, many in z.grids:
                 share = min(1.0, self.period_s / (many * z.interval_s))
@@ -202,11 +192,9 @@ class _Writer:
                 def shift(a: Any, c: Any, share: float = share) -> Any:
                     return a + share * (c - a)
 
-                with b.loop(first, min(stop, n - 1), unroll=unroll) as j:
+                with self.loop(first, min(stop, n - 1)) as j:
                     b.call("shift_plan", [qp.x[j], qp.x[j + 1]], [qp.x[j]], shift)
-            for array, bound in ((qp.low, _minus_one), (qp.high, one)):
-                with b.loop(0, array.size, unroll=unroll) as j:
-                    b.call(f"fill_{array.name}", [], [array[j]], bound)
+            self.each("fill_box", [], [qp.low, qp.high], lambda: (-1, 1))
             self._start()
             if self.late is not None:
                 # Through the computing delay, with the command that is in force.
@@ -342,55 +330,30 @@ class _Writer:
         # A residual r + J (z - plan) adds J'J to the Hessian and J' (r - J plan) to the gradient.
         b, n, qp, triangle = self.b, self.n, self.qp, self.b.memory["qp_row"]
         pair = b.memory["qp_pair"]
-        unroll = n <= UNROLL_MOST
-        total = b.array("total", 1, "local")
         with b.part("gram", comment="Hessian and gradient from the residuals' rows."):
             for value, rows in self.rows:
-                with b.loop(0, n, unroll=unroll) as k:
-                    b.call("begin", [value[k]], [total[0]], same)
-                    with b.loop(0, k + 1, most=n, unroll=unroll) as j:
-                        b.call(
-                            "at_plan",
-                            [total[0], rows[triangle.at(k) + j], qp.x[j]],
-                            [total[0]],
-                            take_from,
-                        )
-                    b.call("end", [total[0]], [value[k]], same)
-            with b.loop(0, n, unroll=unroll) as i:
-                b.call("none", [], [total[0]], zero)
+                with self.loop(0, n) as k, self.loop(0, k + 1, most=n) as j:
+                    known = [value[k], rows[triangle.at(k) + j], qp.x[j]]
+                    b.call("at_plan", known, [value[k]], take_from)
+            with self.loop(0, n) as i:
+                b.call("none", [], [qp.f[i]], zero)
                 for value, rows in self.rows:
-                    with b.loop(i, n, most=n, unroll=unroll) as k:
-                        b.call(
-                            "gradient",
-                            [total[0], rows[pair.at(k * n + i)], value[k]],
-                            [total[0]],
-                            plus,
-                        )
-                b.call("end", [total[0]], [qp.f[i]], same)
-                with b.loop(0, i + 1, most=n, unroll=unroll) as j:
-                    b.call("none", [], [total[0]], zero)
+                    with self.loop(i, n, most=n) as k:
+                        known = [qp.f[i], rows[pair.at(k * n + i)], value[k]]
+                        b.call("gradient", known, [qp.f[i]], plus)
+                with self.loop(0, i + 1, most=n) as j:
+                    total = qp.H[triangle.at(i) + j]
+                    b.call("none", [], [total], zero)
                     for _, rows in self.rows:
-                        with b.loop(i, n, most=n, unroll=unroll) as k:
-                            b.call(
-                                "gram",
-                                [total[0], rows[pair.at(k * n + i)], rows[pair.at(k * n + j)]],
-                                [total[0]],
-                                plus,
-                            )
-                    b.call("end", [total[0]], [qp.H[triangle.at(i) + j]], same)
+                        with self.loop(i, n, most=n) as k:
+                            known = [total, rows[pair.at(k * n + i)], rows[pair.at(k * n + j)]]
+                            b.call("gram", known, [total], plus)
 
     def _report(self, valid: Memory, sound: Memory) -> None:
-        m, b, n, qp = self.m, self.b, self.n, self.qp
-        unroll = n <= UNROLL_MOST
+        m, b, qp = self.m, self.b, self.qp
         fine = b.array("fine", 1, meaning="1 when the plan can be used")
         b.call("usable", [valid[0], qp.convex[0]], [fine[0]], ca.logic_and)
-        with b.loop(0, n, unroll=unroll) as j:
-            b.call(
-                "plan_fine",
-                [qp.x[j], fine[0]],
-                [fine[0]],
-                lambda v, ok: ca.logic_and(ok, in_range(v, -1.0, 1.0)),
-            )
+        self.each("plan_fine", [qp.x, fine[0]], [fine[0]], _and_inside)
         acts = b.array("acts", 1, "local")
         b.call("acts", [fine[0]], [acts[0]], same)
         if m.enable:
@@ -400,13 +363,12 @@ class _Writer:
                 [acts[0]],
                 lambda ok, on: ca.logic_and(ok, on > 0.5),
             )
-        with b.loop(0, n, unroll=unroll) as j:
-            b.call(
-                "plan_next",
-                [qp.x[j], acts[0]],
-                [self.plan[j]],
-                lambda v, ok: ca.if_else(ok, clip(v, -1.0, 1.0), 0),
-            )
+        self.each(
+            "plan_next",
+            [qp.x, acts[0]],
+            [self.plan],
+            lambda v, ok: _or_none(clip(v, -1.0, 1.0), ok),
+        )
         limit = self.outputs[0].high
         b.call(
             "command",
@@ -441,5 +403,9 @@ def _suffix(many: int) -> str:
     return "" if many == 1 else "_long"
 
 
-def _minus_one() -> Any:
-    return ca.SX(-1)
+def _and_inside(v: Any, ok: Any) -> Any:
+    return ca.logic_and(ok, in_range(v, -1.0, 1.0))
+
+
+def _or_none(v: Any, ok: Any) -> Any:
+    return ca.if_else(ok, v, 0)

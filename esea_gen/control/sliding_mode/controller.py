@@ -152,7 +152,7 @@ class _SlidingMode:
             around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
             around("d4_rad_s2", self.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", self.u_lim, "motor torque by its model", equation="(5.1)"),
-            Port("mode", 0.0, 2.0, "0 off; 1 torque and 2 impedance act alike here"),
+            Port.count("mode", 2, "0 off; 1 torque and 2 impedance act alike here"),
             around("u_applied_Nm", self.u_lim, "command that the motor holds"),
         )
         command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value

@@ -89,7 +89,7 @@ def torque_lead(device: DeviceData) -> Block:
             around("tau_curve_Nm_s2", curve_lim, "its acceleration"),
             Port("trust", 0.0, 1.0, "share of both that is believed"),
             Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            Port("mode", 0.0, 2.0, "0 off, 1 torque, 2 impedance"),
+            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
         ),
         outputs=(
             around("tau_led_Nm", full, "set torque ahead, for the inverse"),

@@ -147,8 +147,11 @@ class Lowering(Elementary):
         self, i: int, f: FieldPlan, cut: bool, saturations: list[str]
     ) -> tuple[Expr, float]:
         v = self.values[i]
-        if f.flag:
+        if f.kind == "flag":
             return ex.cast(self._condition(i), -32), 0.0
+        if f.kind == "count":
+            e, _, _ = self.align(i, 0, 32)
+            return ex.cast(ex.clamp(e, f.low, f.high), -32), 0.0
         if f.word:
             if v is None or v.expr.bits != -32:
                 raise LoweringError(

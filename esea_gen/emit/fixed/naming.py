@@ -28,7 +28,7 @@ def format_text(f: FieldPlan) -> str:
 
 def field_text(f: FieldPlan, group: str) -> str:
     """What a header says of a field's numbers: raw range, unit, what happens outside."""
-    if f.word or f.flag:
+    if f.whole:
         return ""
     text = f"raw {f.low} to {f.high}, {format_text(f)}"
     behaviour = {
@@ -75,7 +75,7 @@ class FixedNaming(Naming):
         return tuple(
             self._scale(self._macro(block.name, group, f.name), f)
             for f in plan_block(block).fields[group]
-            if not (f.word or f.flag)
+            if not f.whole
         )
 
     def task_scales(self, task: Task, group: str) -> tuple[str, ...]:
@@ -83,18 +83,18 @@ class FixedNaming(Naming):
         return tuple(
             self._scale(self._external_macro(x), self.external_field(x))
             for x in of_task(task)
-            if not x.port.flags
+            if not x.port.whole
         )
 
     def latch_scales(self) -> tuple[str, ...]:
         return tuple(
             self._scale(self._macro("latches", x.name), self._end(x.source, "out"))
             for x in self.system.latches
-            if not x.port.flags
+            if not x.port.whole
         )
 
     def external_scale(self, external: External) -> str:
-        return self._external_macro(external)
+        return "" if external.port.whole else self._external_macro(external)
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
         if block is None:
@@ -113,12 +113,6 @@ class FixedNaming(Naming):
             return f"esea_q31_saturate({text} * (INT64_C(1) << {moved}))"
         return text
 
-    def literal(self, value: float) -> str:
-        return f"{value:.0f}"
-
-    def whole(self, text: str, block: Block, port: Port) -> str:
-        return f"(int32_t)({text} << {plan_block(block).field('in', port.name).fraction})"
-
     def number(self, block: Block, group: str, name: str, value: float) -> float:
         return plan_block(block).field(group, name).raw(value)
 
@@ -131,18 +125,20 @@ class FixedNaming(Naming):
         return plan_block(block).field(group, name).fraction
 
     def external_fraction(self, external: External) -> int | None:
-        return None if external.port.flags else self.external_field(external).fraction
+        return None if external.port.whole else self.external_field(external).fraction
 
     def from_units(self, external: External, text: str) -> str:
+        if external.port.whole:
+            return super().from_units(external, text)
         return f"ESEA_Q31_FROM({text}, {self.external_scale(external)})"
 
     def to_units(self, external: External, text: str) -> str:
-        if external.port.flags:
+        if external.port.whole:
             return text
         return f"ESEA_Q31_TO({text}, {self.external_scale(external)})"
 
     def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
-        if external.port.flags:
+        if external.port.whole:
             return super().stored(external, value)
         scaled = np.asarray(value, np.float64) * 2.0 ** self.external_field(external).fraction
         return scaled.astype(np.int32)

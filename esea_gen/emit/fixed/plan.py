@@ -60,6 +60,9 @@ def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
     index = "" if f.size == 1 else f"[{element}]"
     text = f"{pointer}->{f.name}{index}"
+    if f.kind == "count":  # a conversion of what does not fit is the compiler's choice
+        most = f"{ex.INT32[1]}u"
+        return f"(int32_t)({text} < {most} ? {text} : {most})"
     return f"(int32_t){text}" if f.word else text
 
 
@@ -74,8 +77,8 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         # prepare made of the others is trusted.
         free = pointer in ("state", "in")
         low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
-        bits = -32 if f.flag else 32
-        if f.flag:
+        bits = -32 if f.kind == "flag" else 32
+        if f.kind == "flag":
             low, high = ex.UINT32
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
         return Source(
@@ -219,7 +222,9 @@ def raw_places(
     for f, c in zip(fields, columns, strict=True):
         table = np.asarray(c, dtype=object).reshape(-1, f.size)
         for k in range(f.size):
-            held = [int(v) & ex.UINT32[1] if f.flag else int(v) for v in table[:, k]]
+            held = [int(v) & ex.UINT32[1] if f.whole else int(v) for v in table[:, k]]
+            if f.kind == "count":
+                held = [min(v, ex.INT32[1]) for v in held]
             out[_place(pointer, f, k)] = np.array(held, dtype=object)
     return out
 

@@ -117,8 +117,13 @@ class FieldPlan:
         return bool(getattr(self.port, "flags", ()))
 
     @property
-    def flag(self) -> bool:
-        return getattr(self.port, "kind", "") == "flag"
+    def kind(self) -> str:
+        return str(getattr(self.port, "kind", "quantity"))
+
+    @property
+    def whole(self) -> bool:
+        """Whether C holds a ``uint32_t``: a status word, a flag or a count."""
+        return bool(getattr(self.port, "whole", False))
 
     @property
     def size(self) -> int:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -12,13 +14,13 @@ import numpy as np
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, field_type
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare
 from esea_gen.emit.walker import (
     OPERATIONS,
     Kernel,
     Node,
     UnsupportedOperationError,
-    checked_flag,
+    checked_from_zero,
     labelled_kernel,
     status_words,
     use_counts,
@@ -31,12 +33,13 @@ from esea_gen.language.system import System
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
 SELECTING = frozenset({"if_else_zero", "select"})
+COMPARING = frozenset({"lt", "le", "eq", "ne"})
 _CHAINS = frozenset({"and", "or", "add"})  # read from the left, brackets or none
 # Longest text of a value that is printed where it is used.
 _SHORT = {"mul": 34, "sub": 34, "add": 34, "neg": 34, "fabs": 60, "fmin": 60, "fmax": 60}
 _CALLS = frozenset({"fabs", "fmin", "fmax", "sign", "sqrt", "exp", "log", "tanh", "pow"})
 # Operands that need no brackets.
-_SEPARATED = _CALLS | {"lt", "le", "eq", "ne"}
+_SEPARATED = _CALLS | COMPARING
 
 
 class FloatingFormat(Format):
@@ -115,47 +118,133 @@ class FloatingFormat(Format):
         flat = [(pointer, p) for pointer, ports in groups for p in ports]
         clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
 
-        def access(argument: int, element: int) -> tuple[str, str, str]:
+        def access(argument: int, element: int) -> tuple[str, str, str, float]:
             pointer, p = flat[argument]
             size = getattr(p, "size", 1)
             name = f"{pointer}_{p.name}" if p.name in clash else p.name
             index = "" if size == 1 else f"[{element}]"
             local = f"{name}_now" if pointer == "state" else name
             local = local if size == 1 else f"{local}_{element}"
-            return local, f"{pointer}->{p.name}{index}", field_type(p, self.c_type)
+            return local, f"{pointer}->{p.name}{index}", getattr(p, "kind", "quantity"), p.high
 
         return access
+
+
+# Of an input: local name, place in memory, kind and largest number of its port.
+Access = Callable[[int, int], tuple[str, str, str, float]]
+MOST_WHOLE = 2**32 - 1
+
+
+def _whole_nodes(kernel: Kernel, access: Access, ports: Sequence[Port]) -> set[int]:
+    """Nodes that C computes as ``uint32_t``: counts, and what is chosen or counted on of them.
+
+    A constant is either, and so is a choice of constants, which is whole where all that reads it
+    is.  No sum or difference is whole that could wrap.
+    """
+    nodes = kernel.nodes
+    most: dict[int, float] = {}  # of what can be a whole number
+    whole = set()
+    for i, n in enumerate(nodes):
+        parts = n.args[n.op in SELECTING :]
+        if n.op == "input":
+            *_, kind, high = access(*n.source)
+            if kind == "count":
+                most[i] = high
+                whole.add(i)
+        elif n.op == "const":
+            if n.value >= 0 and n.value == np.floor(n.value):
+                most[i] = n.value
+        elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
+            ends = [most[a] for a in parts]
+            if n.op == "sub" and (nodes[parts[0]].op != "const" or ends[0] < ends[1]):
+                continue
+            high = sum(ends) if n.op == "add" else ends[0] if n.op == "sub" else max(ends)
+            if high <= MOST_WHOLE:
+                most[i] = high
+                whole |= {i} & {i for a in parts if a in whole}
+    read_as_number: set[int] = set()
+    for r, port in zip(kernel.results, ports, strict=False):
+        read_as_number |= set(r) if port.kind == "quantity" else set()
+    if not ports:
+        read_as_number |= {i for r in kernel.results for i in r}
+    for i in reversed(range(len(nodes))):
+        n = nodes[i]
+        if i in most and i not in read_as_number and n.op != "const":
+            whole.add(i)
+        compares = n.op in COMPARING and any(a in whole for a in n.args)
+        if not (i in whole or (compares and all(a in most for a in n.args))):
+            read_as_number |= set(n.args)
+    return whole
+
+
+def _whole_bound(n: Node, position: int, value: float) -> float:
+    """The whole number that a comparison of one with a constant is with."""
+    down = (n.op == "lt") == (position == 0)
+    return math.floor(value) if down else math.ceil(value)
 
 
 def _number(fmt: FloatingFormat, condition: str) -> str:
     return f"({condition} ? {fmt.literal(1.0)} : {fmt.literal(0.0)})"
 
 
-def _operand(
-    fmt: FloatingFormat, n: Node, position: int, operand: Node, text: str, stored: bool
-) -> str:
-    # An operand as its operation takes it: a condition or a number.
-    is_condition = n.op in LOGICAL or (n.op in SELECTING and position == 0)
-    if stored:
-        return f"({text} != 0u)" if is_condition else _number(fmt, f"{text} != 0u")
-    if operand.boolean and not is_condition:
-        return _number(fmt, text)
-    if is_condition and not operand.boolean:
-        return f"({text} != {fmt.literal(0.0)})"
-    separated = n.op in _SEPARATED or (n.op in SELECTING and operand.op == "const")
-    return bare(text) if separated else text
+@dataclass
+class _Operands:
+    """How a node's operands are written: as conditions, as whole numbers or in the format."""
 
+    fmt: FloatingFormat
+    kernel: Kernel
+    whole: set[int]
+    flags: set[int]  # in memory, which may hold any pattern
 
-def _flag(kernel: Kernel, i: int, text: str, port: Port) -> str:
-    n = kernel.nodes[i]
-    if n.op == "const" and n.value in (0.0, 1.0):
-        return f"{n.value:.0f}u"
-    if not n.boolean:
-        raise UnsupportedOperationError(f"{kernel.name}: {port.name} is no condition")
-    return f"({text} ? 1u : 0u)"
+    def compares_whole(self, n: Node) -> bool:
+        others = [self.kernel.nodes[a] for a in n.args if a not in self.whole]
+        if n.op not in COMPARING or len(others) == 2:
+            return False
+        least = "lt", "le"
+        return all(
+            c.op == "const" and c.value >= 0 and (n.op in least or c.value % 1 == 0) for c in others
+        )
 
+    def text(self, i: int, position: int, text: str) -> str:
+        n = self.kernel.nodes[i]
+        a = n.args[position]
+        operand = self.kernel.nodes[a]
+        if n.op in LOGICAL or (n.op in SELECTING and position == 0):
+            if operand.boolean:
+                return text
+            zero = "0u" if a in self.flags | self.whole else self.fmt.literal(0.0)
+            return f"({text} != {zero})"
+        compares = self.compares_whole(n)
+        if compares or i in self.whole:
+            if operand.op != "const":
+                cast = "" if a in self.whole else "(uint32_t)"  # a choice that is a number as well
+                return bare(text) if compares else f"{cast}{text}"
+            return f"{_whole_bound(n, position, operand.value) if compares else operand.value:.0f}u"
+        if a in self.flags:
+            return _number(self.fmt, f"{text} != 0u")
+        if a in self.whole:
+            return f"({self.fmt.c_type}){text}"
+        if operand.boolean:
+            return _number(self.fmt, text)
+        separated = n.op in _SEPARATED or (n.op in SELECTING and operand.op == "const")
+        return bare(text) if separated else text
 
-Access = Callable[[int, int], tuple[str, str, str]]  # local name, place in memory and C type
+    def result(self, i: int, text: str, port: Port | None) -> str:
+        """What goes into a port's field; without a port it is a number."""
+        n = self.kernel.nodes[i]
+        if port is None or port.kind == "quantity":
+            if i in self.whole:
+                return f"({self.fmt.c_type}){text}"
+            return _number(self.fmt, text) if n.boolean else text
+        if i in self.whole:
+            return text
+        if n.boolean:
+            return f"({text} ? 1u : 0u)"
+        if n.op == "const" and n.value >= 0 and n.value % 1 == 0:
+            return f"{n.value:.0f}u"
+        raise UnsupportedOperationError(
+            f"{self.kernel.name}: {port.name} is a {port.kind}, but what it gets is no whole number"
+        )
 
 
 def print_kernel(
@@ -174,10 +263,12 @@ def print_kernel(
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
-    reads = {access(*n.source)[0] for n in kernel.nodes if n.op == "input"}
-    name_of = namer(reads, labels, others or {})
-    chained: dict[int, str] = {}  # operations that stand where they are used, without brackets
-    stored: set[int] = set()  # flags in memory, which may hold any pattern
+    inputs = {i: access(*n.source) for i, n in enumerate(kernel.nodes) if n.op == "input"}
+    name_of = namer({x[0] for x in inputs.values()}, labels, others or {})
+    chained: dict[int, tuple[str, bool]] = {}  # printed where they are used, without brackets
+    whole = _whole_nodes(kernel, access, ports)
+    in_memory = {i for i, x in inputs.items() if x[2] == "flag"}
+    write = _Operands(fmt, kernel, whole, in_memory)
 
     for i, n in enumerate(kernel.nodes):
         if i in bits:
@@ -193,22 +284,25 @@ def print_kernel(
             atoms.append(f"({text})" if text.startswith("-") else text)
             continue
         if n.op == "input":
-            read, source, c_type = access(*n.source)
+            read, source, kind, _ = inputs[i]
             arguments.add(n.source[0])
+            c_type = fmt.c_type if kind == "quantity" else "uint32_t"
             statements.append(Statement(c_type, read, source))
             atoms.append(read)
-            if c_type != fmt.c_type:
-                stored.add(i)
             continue
         operands = []
         for position, a in enumerate(n.args):
-            read_on = chained.get(a) == n.op and (n.op != "add" or position == 0)
-            text = bare(atoms[a]) if read_on else atoms[a]  # as C reads it anyway
-            if a in stored or not read_on:
-                text = _operand(fmt, n, position, kernel.nodes[a], text, a in stored)
-            operands.append(text)
-        flag = checked_flag(kernel, n)
-        text = f"{atoms[flag]} <= 1u" if flag in stored else fmt.expression(n, operands, kernel)
+            same = chained.get(a) == (n.op, i in whole)
+            read_on = same and (n.op != "add" or position == 0)
+            operands.append(bare(atoms[a]) if read_on else write.text(i, position, atoms[a]))
+        checked = checked_from_zero(kernel, n)
+        unsigned = checked in whole or checked in write.flags  # at least 0 by its type
+        if unsigned:
+            text = f"{atoms[checked]} <= {kernel.nodes[kernel.nodes[n.args[0]].args[1]].value:.0f}u"
+        elif i in whole and n.op == "if_else_zero":
+            text = f"{operands[0]} ? {operands[1]} : 0u"
+        else:
+            text = fmt.expression(n, operands, kernel)
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
         inline = (
@@ -219,19 +313,17 @@ def print_kernel(
         )
         if inline:
             atoms.append(text if n.op in _CALLS else f"({text})")
-            if n.op in _CHAINS:
-                chained[i] = n.op
+            if n.op in _CHAINS and not unsigned:
+                chained[i] = n.op, i in whole
             continue
-        c_type = "bool" if n.boolean else fmt.c_type
+        c_type = "bool" if n.boolean else "uint32_t" if i in whole else fmt.c_type
         statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
 
     def result(k: int, i: int) -> str:
-        if ports and ports[k].kind == "flag":
-            return _flag(kernel, i, atoms[i], ports[k])
-        if kernel.nodes[i].boolean:
-            return _number(fmt, atoms[i])
-        return f"(uint32_t){atoms[i]}" if k in words and i not in bits else atoms[i]
+        if k in words:
+            return atoms[i] if i in bits else f"(uint32_t){atoms[i]}"
+        return write.result(i, atoms[i], ports[k] if ports else None)
 
     results = tuple(tuple(result(k, i) for i in r) for k, r in enumerate(kernel.results))
     return PrintedKernel(tuple(statements), results, frozenset(arguments))

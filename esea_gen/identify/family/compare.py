@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -274,7 +274,9 @@ def _models(
     def thesis(split: Split) -> tuple[Misfits, Device | None]:
         some = list(split.recordings)
         template = draft(source, some, source.mapping.device.rate_terms)
-        fit = fit_split(source, some, template, tell, how)
+        # Watched is the file's own division: what the other splits find is no one's result.
+        watched = how if how is None or split.declared else replace(how, watch=None)
+        fit = fit_split(source, some, template, tell, watched)
         return fit[3].misfits, fit[2]
 
     yield THESIS, thesis

@@ -295,19 +295,16 @@ def _notes(
     softens = any(t.softening for _, t in fitted.used)
     notes = [
         f"Model: {fitted.member.title}; {len(fitted.used)} of its {len(fitted.member.terms)} terms "
-        "carry torque. Its outer numbers were fixed beforehand.",
+        "carry torque. Times and thresholds are on a fixed grid.",
         *recording_notes(source, list(recordings)),
         *specimen_notes(verdict, softens),
     ]
     if fitted.member.timed and not all(r.timed for r in recordings):
-        notes.append(
-            "The relaxation times count an assumed sampling period: with another one they are "
-            "others."
-        )
+        notes.append("The relaxation times assume a sampling period; they scale with it.")
     if softens:
         notes.append(
             'The model softens and does not recover while it runs. start = "virgin" in the device '
-            "file is the specimen at the recording's start; a coupling that has been worked wants "
+            "file is the specimen at the recording's start; a coupling that has been worked needs "
             'start = "conditioned".'
         )
     return tuple(notes)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # its parts are read on first use  # its parts are read on first use
+import scipy  # its parts are read on first use
 
 from esea_gen.errors import UserError
 from esea_gen.identify.published.plant import FittedPlant

@@ -47,7 +47,6 @@ class PushMap:
     kd_Nms_rad: Array
     hands: tuple[Hand, ...]
     generated_J: Array  # (p, d, h), infinite where the plant ran away
-    index: Array  # generated over exchanged energy
     diverging: Bools  # also where limits or drive ended the motion
     tolerance: float  # share of the push's energy
     push_J: Array  # that the push would give each hand alone, (h,)
@@ -146,17 +145,14 @@ def push_map(
     """The map from its runs, by gains and the hand's name: every combination."""
     kp, kd = np.asarray(kp_Nm_rad, dtype=float), np.asarray(kd_Nms_rad, dtype=float)
     energy = np.array([0.5 * h.inertia_kgm2 * push_rad_s**2 for h in hands])
+    every = [runs[p, d, h.name] for p in kp.tolist() for d in kd.tolist() for h in hands]
     shape = (len(kp), len(kd), len(hands))
-    generated, index = np.zeros(shape), np.zeros(shape)
-    diverging, stopped = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-    for at in np.ndindex(*shape):
-        i, j, h = at
-        r = runs[float(kp[i]), float(kd[j]), hands[h].name]
-        stopped[at] = r.stopped
-        diverging[at] = r.stopped or r.swings_up(float(energy[h]))
-        generated[at] = math.inf if r.ran_away else r.generated_J
-        index[at] = r.generated_J / r.exchanged_J if r.exchanged_J > 0 else 0.0
-    return PushMap(kp, kd, tuple(hands), generated, index, diverging, tolerance, energy, stopped)
+    stopped = np.reshape([r.stopped for r in every], shape)
+    generated = np.reshape([math.inf if r.ran_away else r.generated_J for r in every], shape)
+    given = np.tile(energy, len(kp) * len(kd)).tolist()
+    grows = [r.swings_up(e) for r, e in zip(every, given, strict=True)]
+    diverging = stopped | np.reshape(grows, shape)
+    return PushMap(kp, kd, tuple(hands), generated, diverging, tolerance, energy, stopped)
 
 
 # From fingers to a whole forearm with its load side; limp and tense; let go, holding on by little
@@ -296,11 +292,11 @@ def study_interaction(
         raise UserError(
             f"{points} points along each axis.", f"Give {FEWEST_POINTS} to {MOST_POINTS}."
         )
-    if not 0 < push_rad_s <= MOST_PUSH_RAD_S:
+    if not 0 < abs(push_rad_s) <= MOST_PUSH_RAD_S:
         raise UserError(
             f"A push of {push_rad_s:g} rad/s.",
-            f"Give more than 0 and at most {MOST_PUSH_RAD_S:g} rad/s: a faster hand would leave "
-            "the range of motion.",
+            f"Give up to {MOST_PUSH_RAD_S:g} rad/s, up or down but not 0: a faster hand would "
+            "leave the range of motion.",
         )
     if seed < 0:
         raise UserError(f"seed = {seed}.", "Give 0 or more.")

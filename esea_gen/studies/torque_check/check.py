@@ -316,6 +316,11 @@ class TorqueCheck:
         if len(signs) < 2 or not (min(errors) > room or max(errors) < -room):
             return None
         gain = 1 + float(np.mean(errors)) / self.known.torque_Nm
+        if gain <= 0:
+            return (
+                f"In both directions the sensor shows {gain:.3f} of the load: its sign is wrong.",
+                "If the mass turned the joint as stated, correct the encoders' directions.",
+            )
         rubber = "softer" if gain > 1 else "stiffer"
         load = "heavier or further out" if gain > 1 else "lighter or nearer"
         return (
@@ -404,11 +409,9 @@ class TorqueCheck:
             lines.append(
                 f"{m.label:10}{m.mean_Nm:12.4f}{m.drift_Nm:12.4f}{m.noise_Nm:12.4f}{m.samples:9d}"
             )
-        by_name: dict[str, list[CheckDecision]] = {}
-        for d in self.decisions:
-            by_name.setdefault(d.criterion, []).append(d)
+        decisions = self.decisions
         for limit in LIMITS:
-            found = by_name.get(limit.name, [])
+            found = [d for d in decisions if d.criterion == limit.name]
             if not found:
                 continue
             # The one that comes nearest to its limit, or exceeds it most.

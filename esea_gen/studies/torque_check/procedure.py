@@ -148,6 +148,7 @@ LIMITS = (
         "steepest, rate terms included",
     ),
 )
+ZERO_LIMIT = LIMITS[0]
 
 
 @dataclass(frozen=True)

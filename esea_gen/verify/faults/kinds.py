@@ -11,6 +11,7 @@ from typing import Any
 
 from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
+from esea_gen.language.ports import Port
 
 # Ways in which a reading or a wanted value may be wrong, from a moment on.
 INPUT_KINDS = (
@@ -61,10 +62,8 @@ def measured_and_wanted(device: Device) -> tuple[list[str], list[str]]:
     return [x.name for x in roles.measured], one
 
 
-def ranges(device: Device) -> dict[str, tuple[float, float]]:
-    """Physical range of each input."""
-    inputs = {x.name: x.port for t in device.system.tasks for x in device.system.task_inputs(t)}
-    return {n: (p.low, p.high) for n, p in inputs.items()}
+def input_ports(device: Device) -> dict[str, Port]:
+    return {x.name: x.port for t in device.system.tasks for x in device.system.task_inputs(t)}
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,11 @@ def all_faults(
 class Distortion:
     """What becomes of an input from the fault on."""
 
-    def __init__(self, fault: BoardFault, low: float, high: float, wraps: bool) -> None:
+    def __init__(
+        self, fault: BoardFault, low: float, high: float, wraps: bool, whole: bool = False
+    ) -> None:
         self.fault, self.low, self.high, self.wraps = fault, low, high, wraps
+        self.whole = whole  # held as a uint32_t
         self._before: list[float] = []
         self._held, self._gone = 0.0, 0.0
         self._distort: Callable[[int, float], float] = {
@@ -154,7 +156,10 @@ class Distortion:
             return value
         if len(self._before) > 1:
             self._gone += self._step(value - self._before[-2])
-        return self._distort(age, value)
+        found = self._distort(age, value)
+        if not self.whole:
+            return found
+        return float(math.ceil(found) % 2**32) if math.isfinite(found) else 2.0**32 - 1
 
     def _moved(self, x: float, share: float) -> float:
         x += share * (self.high - self.low)
@@ -176,6 +181,8 @@ class Distortion:
         bit = int(self.fault.amount)
         if self.wraps:  # on its way from the chip: one line is inverted
             return float(int(x) ^ (1 << bit % int(math.log2(self.high + 1))))
+        if self.whole:
+            return float(int(x) ^ (1 << bit))
         (raw,) = struct.unpack("<I", struct.pack("<f", x))
         (flipped,) = struct.unpack("<f", struct.pack("<I", raw ^ (1 << bit)))
         return float(flipped)

@@ -20,7 +20,7 @@ from esea_gen.model.sensing import of_axis
 from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.stepped import SteppedTwin
-from esea_gen.verify.faults.kinds import BoardFault, Distortion, measured_and_wanted, ranges
+from esea_gen.verify.faults.kinds import BoardFault, Distortion, input_ports, measured_and_wanted
 from esea_gen.verify.faults.subjects import (
     CLAMPED,
     COMMON,
@@ -155,7 +155,7 @@ class FaultRig:
         self.device = device
         self.board = SimBoard(device)
         self.measured, self.wanted = measured_and_wanted(device)
-        self.ranges = ranges(device)
+        self.inputs = input_ports(device)
         wanted = {x.name for x in board_roles(device.system).wanted}
         # Of a controller with a given future; from each interval's end on.
         self.ends_s = device_horizon(device).ends_s if "tau_preview_Nm" in wanted else ()
@@ -167,10 +167,11 @@ class FaultRig:
 
     def _distortions(self, fault: BoardFault | None) -> dict[str, Distortion]:
         places = fault.place.split("+") if fault is not None else []
+        i = self.inputs
         return {
-            p: Distortion(fault, *self.ranges[p], p.startswith("count_"))
+            p: Distortion(fault, i[p].low, i[p].high, p.startswith("count_"), i[p].whole)
             for p in places
-            if fault is not None and p in self.ranges
+            if fault is not None and p in i
         }
 
     def run(

@@ -11,13 +11,8 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
-from esea_gen.studies.torque_check.check import (
-    RECORD_S,
-    SETTLE_S,
-    CheckDecision,
-    TorqueCheck,
-)
-from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, KnownLoad
+from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S, CheckDecision, TorqueCheck
+from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, ZERO_LIMIT, KnownLoad
 from esea_host.commissioning.bench import Capture, CommissioningBench, HandAct
 from esea_host.commissioning.drive import (
     AGAIN,
@@ -98,7 +93,8 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
     figure, (above, below) = new_picture("angles after zeroing", bench.device.simulated, 2)
     mrad = [(n, 1e3 * c[f"theta_{n}_rad"]) for n in ("motor", "load")]
     over(above, c.time_s, mrad, TIME, "joint, mrad", 1e3 * REST_RAD)
-    over(below, c.time_s, [("sensed torque", c["tau_Nm"])], TIME, "Nm", _limit_Nm(bench, "zero"))
+    limit_Nm = ZERO_LIMIT.torque_Nm(bench.board.tau_full_scale_Nm, 0.0)
+    over(below, c.time_s, [("sensed torque", c["tau_Nm"])], TIME, "Nm", limit_Nm)
     if state != "READY":
         fix = "Hold the joint still, and look at the encoders' status words in the live view."
         problem = f"The board is {state} after {tries} tries, not READY.", fix
@@ -109,7 +105,7 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
         StartupCheck("zero", "joint away from its zero", at, REST_RAD, "rad", AGAIN),
         StartupCheck("zero", "motion at rest", float(spread), REST_RAD, "rad", AGAIN),
         StartupCheck(
-            "zero", "sensed torque with nothing on it", torque, _limit_Nm(bench, "zero"), "Nm",
+            "zero", "sensed torque with nothing on it", torque, limit_Nm, "Nm",
             "Take off what pulls at the joint, and zero again.",
         ),
     )  # fmt: skip
@@ -119,11 +115,6 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
 
 def _off(x: np.ndarray) -> float:
     return abs(float(np.mean(x)))
-
-
-def _limit_Nm(bench: CommissioningBench, criterion: str) -> float:
-    percent = next(x.percent for x in LIMITS if x.name == criterion)
-    return percent / 100 * bench.board.tau_full_scale_Nm
 
 
 # -- turned by hand -------------------------------------------------------------------------------
@@ -358,7 +349,7 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
         problem = (
             f"The board switched itself off: {bench.fault_name(fault)}.",
             f"Was {masses[len(swings) - 1].mass_kg:g} kg on the arm, and did it hang straight down "
-            f"at {math.degrees(hangs_rad):.0f} deg?  Clear the fault, and do it again.",
+            f"at {math.degrees(hangs_rad):.0f} deg, untouched?  Clear the fault, and do it again.",
         )
         return StepResult("adaptation", ADAPTATION, figure, (), problem, {"fault": fault})
     judged = judged_swings(device, swings, hangs_rad)
@@ -374,17 +365,9 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
     labels = [f"{known.mass_kg:g} kg" for known in masses]
     against(above, labels, judged.known_Nm, judged.shown_Nm, "stated, Nm", "sensed, Nm")
     left = [("sensed, less what the masses explain", judged.left_Nm)]
-    over(
-        below,
-        judged.time_s,
-        left,
-        "time in both swings, s",
-        "Nm; dashed: limit, effective",
-        judged.left_limit_Nm,
-    )
-    return StepResult(
-        "adaptation", ADAPTATION, figure, judged.checks, found=judged.found, note=note
-    )  # fmt: skip
+    unit = "Nm; dashed: limit, effective"
+    over(below, judged.time_s, left, "time in both swings, s", unit, judged.left_limit_Nm)
+    return StepResult("adaptation", ADAPTATION, figure, judged.checks, None, judged.found, note)
 
 
 def _swung(

@@ -18,7 +18,7 @@ from esea_gen.device import Device
 from esea_gen.devices.fields import ADAPTATION_STOP_NM as STOP_NM
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.regression import LeastSquares, fit_linear
-from esea_gen.studies.torque_check.procedure import KnownLoad
+from esea_gen.studies.torque_check.procedure import ZERO_LIMIT, KnownLoad
 from esea_host.commissioning.drive import gear_torque_Nm, window
 from esea_host.commissioning.startup import DriveRecording, StartupCheck, travel
 from esea_host.recording.layout import Array
@@ -220,6 +220,8 @@ def _checks(
     weight, gain, own = found["weight_not_stated_Nm"], found["gain"], device.file.adaptation
     assert own is not None
     bound = 1 / own.scale_least.value if gain > 1 else 1 / own.scale_most.value
+    # What is sensed with nothing on the joint has passed the step 'zero' with this limit.
+    zero_Nm = ZERO_LIMIT.torque_Nm(device.tau_full_scale_Nm, 0.0)
     touched = "Does a hand rest on the arm, or a cable pull at it?"
     rows = (
         (
@@ -257,8 +259,8 @@ def _checks(
             "Is the coupling worn, or does it slip?",
         ),
         (
-            "offset, of its bound", 100 * abs(found["offset_Nm"]) / own.offset_Nm.value, 99.0, "%",
-            "Do the step 'zero' again, with nothing on the joint.",
+            "offset", abs(found["offset_Nm"]), min(own.offset_Nm.value, zero_Nm), "Nm",
+            f"{touched}  If not, do the step 'zero' again, with nothing on the joint.",
         ),
         (
             "error of the motor's torque, of the known one",

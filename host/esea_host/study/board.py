@@ -110,7 +110,10 @@ class LatestRows:
         if self._device.address is None:
             self.taken_s = time.monotonic()
         elif math.isfinite(self._zero_s):
-            self.taken_s = self._zero_s + self.tick * self._tick_s
+            at_s = self.tick * self._tick_s
+            # No row comes before its tick: a simulated board that lagged has caught up.
+            self._zero_s = min(self._zero_s, time.monotonic() - at_s)
+            self.taken_s = self._zero_s + at_s
 
     def value(self, tap: Tap) -> float:
         rows = self._new.get(tap.stream)
