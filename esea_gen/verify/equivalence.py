@@ -30,6 +30,7 @@ from esea_gen.language.stream import Stream
 from esea_gen.verify.assumed import UNTRIED
 from esea_gen.verify.bounds import bounds_or_rule, full_scales
 from esea_gen.verify.compare import compare
+from esea_gen.verify.executor import held_stream
 from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, Run, run_executor, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
@@ -69,6 +70,7 @@ def _tried(
         else:
             found[block.name] = streams(block, seed)
             found[block.name] += [e[block.name] for e in extra if block.name in e]
+            found[block.name] = [held_stream(block, s) for s in found[block.name]]
     return found
 
 
