@@ -24,7 +24,7 @@ from esea_gen.verify.faults.kinds import (
     words,
 )
 from esea_gen.verify.faults.rig import AFTER, SCENES, rig_of
-from esea_gen.verify.faults.subjects import SUBJECTS
+from esea_gen.verify.faults.subjects import COMMON, SUBJECTS
 from tests.cli.test_cli import refused, run
 from tests.conftest import require_tool
 
@@ -255,7 +255,7 @@ def test_the_emulator_does_what_the_board_in_this_process_does(drive):
     require_tool("arm-none-eabi-gcc")
     fault = BoardFault("encoder load", "stuck high")
     case = {"place": fault.place, "kind": fault.kind, "amount": 0.0, "at": 900, "seed": 3}
-    case |= {"scene": SCENES[1].name}
+    case |= {"scene": SCENES[1].name, "person": COMMON, "sign": 1}
     (found,) = emulated_sample(drive, [case], 1, 0)
     assert found.same
     assert (found.fault, found.off_tick) == (6, 904)
