@@ -214,7 +214,7 @@ def result_of(command: str, table: FigureTable, jobs: int) -> Any:
         program, *words = shlex.split(command)
         call = [sys.executable, *PROGRAMS[program], *words]
         if command.startswith(CONTINUED):
-            call += ["--resume", str(KEPT / "journal"), "--jobs", str(jobs)]
+            call += ["--resume", str(path.with_suffix("")), "--jobs", str(jobs)]
         part = path.with_suffix(".part")
         call += ["--json", str(part)]
         done = subprocess.run(call, cwd=ROOT, check=False, stdout=subprocess.DEVNULL)

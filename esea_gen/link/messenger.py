@@ -42,6 +42,7 @@ class BoardTime(NamedTuple):
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
 BOARD = Address(1, 1)
 MOST_TEXTS = 100
+TRIES = 3
 
 
 def _clean(message: Any) -> None:
@@ -66,6 +67,10 @@ class CommandedError(LinkError):
     """Another program commands the board."""
 
 
+class UnansweredError(LinkError):
+    """What was asked for did not come in time."""
+
+
 class Messenger:
     """Messages with a board, and commands; as a context manager it waits for the HEARTBEAT.
 
@@ -87,6 +92,7 @@ class Messenger:
         self._asked_s, self._every_s = float("-inf"), SOONEST_S
         self._reader = FrameReader(dialect)
         self._pending: deque[Any] = deque()
+        self._asked_again = False
         self.was_late, self.stays = False, True  # stays: beside who commands, for a stop
         self._refusal = ""  # what it said to the last command, if that did not count
         self.texts: deque[str] = deque(maxlen=MOST_TEXTS)
@@ -177,8 +183,11 @@ class Messenger:
 
     def learn_time(self) -> BoardTime:
         self._board_time = None
-        self._ask_time()
-        told: BoardTime = self._until(lambda: self._board_time, "ESEA_STAMP", self.timeout_s)
+
+        def answer(limit_s: float) -> Any:
+            return self._until(lambda: self._board_time, "ESEA_STAMP", limit_s)
+
+        told: BoardTime = self._repeated("ESEA_STAMP", self._ask_time, answer)
         return told
 
     def boot_number(self) -> int:
@@ -295,7 +304,7 @@ class Messenger:
         else:
             what = f"the board was silent for {limit_s:g} s, no {name} came"
             fix = "Check that it has power and runs, and that port and cable are the right ones."
-        return LinkError(what, fix, self.transport.said())
+        return UnansweredError(what, fix, self.transport.said())
 
     def _read(self, timeout_s: float) -> bool:
         # Whether any bytes came.
@@ -338,11 +347,34 @@ class Messenger:
 
         params = (param1, param2, *[0.0] * 5)
         message = self.message("COMMAND_LONG", *self.board, command, int(again), *params)
-        for _ in self.attempts():
+
+        def ask() -> None:
             self.send(message)
-            ack = self._wait(fits, "COMMAND_ACK", drop_before=drop_before)
+            message.confirmation = 1
+
+        def answer(limit_s: float) -> Any:
+            return self._wait(fits, "COMMAND_ACK", limit_s, drop_before)
+
+        # A stop or a question may come twice; anything else expires.
+        once = self._expires(message) or command == self.dialect.MAV_CMD_COMPONENT_ARM_DISARM
+        for _ in self.attempts():
+            ack = self._repeated("COMMAND_ACK", ask, answer, 1 if once else TRIES)
             self.was_late = bool(ack.result_param2)
         return int(ack.result)
+
+    def _repeated(
+        self, name: str, ask: Callable[[], None], answer: Callable[[float], Any], tries: int = TRIES
+    ) -> Any:
+        # A line may lose a question, or its answer.
+        if self._asked_again:  # late answers to what was asked before
+            self._pending = deque(m for m in self._pending if m.get_type() != name)
+        for _ in range(tries - 1):
+            ask()
+            with suppress(UnansweredError):
+                return answer(self.timeout_s / 10)
+            self._asked_again = True
+        ask()
+        return answer(self.timeout_s)
 
     def attempts(self) -> Iterator[None]:
         """Once; again where the board, whose clock may be faster (simulated), says too late."""
@@ -382,9 +414,12 @@ class Messenger:
         """One message that the board sends on request; number: which, where there are several."""
         wanted = float(self._classes[name].id)
         command = self.dialect.MAV_CMD_REQUEST_MESSAGE
-        if self.command(command, wanted, float(number)) == self._denied:
-            raise LinkError(f"the board does not send {name}", UNSIGNED)
-        return self.wait_for(name)
+
+        def ask() -> None:
+            if self.command(command, wanted, float(number)) == self._denied:
+                raise LinkError(f"the board does not send {name}", UNSIGNED)
+
+        return self._repeated(name, ask, lambda limit_s: self.wait_for(name, limit_s))
 
     def info(self) -> Any:
         return self.ask_for("ESEA_INFO")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from esea_gen.link import signing, streams
-from esea_gen.link.messenger import BOARD, HOST, Address, Messenger
+from esea_gen.link.messenger import BOARD, HOST, TRIES, Address, Messenger
 from esea_gen.link.parameters import BoardParameter, find_parameter, known_parameters
 from esea_gen.link.streams import BoardStream, StreamSamples, StreamSignal
 from esea_gen.link.transport import LinkError, Transport
@@ -17,7 +17,6 @@ from esea_gen.link.transport import LinkError, Transport
 __all__ = ["BOARD", "HOST", "Address", "Session", "TimeSync"]
 
 STREAMS, STREAM_WORDS = 6, 59  # side by side, and values that a message holds
-TRIES = 3
 RESETS = 20
 
 

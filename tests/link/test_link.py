@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect
 from esea_gen.link.frames import FrameReader
+from esea_gen.link.messenger import BoardTime
 from esea_gen.link.session import BOARD, HOST, Session
 from esea_gen.link.transport import LinkError, ProcessTransport, SocketTransport
 
@@ -227,6 +228,31 @@ def test_a_command_takes_its_own_answer(peer):
     assert (question.boot, time_of_it.boot, sent.get_seq()) == (0, 7, time_of_it.get_seq() + 1)
     assert (sent.target_system, sent.target_component, sent.command) == (*BOARD, 31010)
     assert (sent.get_srcSystem(), sent.get_srcComponent()) == HOST
+
+
+def test_a_lost_answer_is_asked_for_again_and_a_late_one_is_not_taken_for_the_next(peer):
+    asked = []
+
+    def send(data):
+        asked.append(data)
+        if len(asked) > 1:  # of the first the answer comes late
+            peer.say(ack(512), info(), ack(512), info())
+
+    peer.session.send_bytes = send
+    peer.session.info()
+    assert len(asked) == 2
+    peer.session.send_bytes = lambda _: peer.say(ack(512), info(DIALECT.ESEA_FAULT_PROCESSOR))
+    assert peer.session.info().fault == DIALECT.ESEA_FAULT_PROCESSOR
+
+
+@pytest.mark.parametrize("order", [(31011,), (400, 1.0), (400, 0.0)])
+def test_an_order_is_sent_once(peer, order):
+    sent = []
+    peer.session.learn_time = lambda: BoardTime(7, 1000, time.monotonic())
+    peer.session.send_bytes = sent.append
+    with pytest.raises(LinkError, match="no COMMAND_ACK came"):
+        peer.session.command(*order)
+    assert len(sent) == 1
 
 
 def test_a_refused_reset_tells_the_fault(peer):
