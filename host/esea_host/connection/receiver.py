@@ -7,6 +7,7 @@ so.  Whatever is missing becomes a :class:`Gap`, with the reason that the counte
 from __future__ import annotations
 
 import struct
+import sys
 import threading
 import time
 from collections import deque
@@ -25,6 +26,7 @@ from esea_host.recording.layout import Array, StreamLayout
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
 READ_S = 0.05
+SWITCH_S = 5e-4
 KEY = "key"  # a stream whose rows are parts of a frame
 _DATA = struct.Struct("<QIHBBB")  # device clock, tick, interval, stream, choice, samples
 
@@ -176,6 +178,8 @@ class Receiver(Transport):
         self._subscriptions = [s for s in self._subscriptions if s is not subscription]
 
     def start(self) -> None:
+        # A terminal holds 4 kB, some 10 ms of two axes: whatever else is computed, it is read soon.
+        sys.setswitchinterval(SWITCH_S)
         self._thread = threading.Thread(target=self._run, name="esea-receiver", daemon=True)
         self._thread.start()
 
