@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import esea_gen
 from esea_gen.cli import main
@@ -34,6 +36,17 @@ def limit(name: str) -> float:
     return next(x for x in LIMITS if x.name == name).torque_Nm(FULL, TORQUE)
 
 
+@lru_cache
+def odd_torque_Nm(theta_rad: float) -> float:
+    elbow = esea_gen.load_device("elbow")
+    return math.copysign(static_torque_Nm(elbow, abs(theta_rad)), theta_rad)
+
+
+@lru_cache
+def deflection_rad(torque_Nm: float) -> float:
+    return brentq(lambda x: odd_torque_Nm(x) - torque_Nm, -0.25, 0.25)
+
+
 def sensor(
     *,
     offset: float = 0.0,
@@ -49,15 +62,18 @@ def sensor(
 ) -> CheckRecording:
     """What a sensor with known errors records of the whole procedure.
 
-    Offset and what stays ``left`` after the first load in Nm; ``scatter`` is added to the second
+    ``offset`` of the deflection and what stays ``left`` after the first load, both as unloaded
+    torques in Nm; ``scatter`` is added to the second
     load of each direction; ``creep`` in Nm over the recorded part of every loaded phase.
     """
     rng = np.random.default_rng(seed)
     tau, labels, last, loads = [], [], offset, 0
+    shift_rad = deflection_rad(offset)
     for step in procedure(repeats):
         sign = {"zero": 0, "plus": 1, "minus": -1}[step.kind]
         share = minus_gain if sign < 0 and minus_gain is not None else gain
-        level = sign * share * TORQUE + offset + (left if loads == 1 and sign == 0 else 0)
+        level = odd_torque_Nm(deflection_rad(sign * share * TORQUE) + shift_rad)
+        level += left if loads == 1 and sign == 0 else 0
         if sign:
             loads += 1
             level += sign * scatter * (step.label.endswith("_2"))
@@ -96,7 +112,7 @@ def test_a_good_sensor_passes(elbow, labelled):
     assert [m.label for m in check.measurements] == [s.label for s in procedure()]
     errors = [e for _, e in check.readings]
     # The zero is taken off; what stays after the first load is shared by both beside it.
-    assert errors == pytest.approx([0.02 * TORQUE] * 6, abs=0.011)
+    assert errors == pytest.approx([0.02 * TORQUE] * 6, abs=0.013)
     assert {d.criterion for d in check.decisions} == {x.name for x in LIMITS}
     counts = {n: sum(d.criterion == n for d in check.decisions) for n in ("zero", "accuracy")}
     assert counts == {"zero": 7, "accuracy": 6}
@@ -106,7 +122,12 @@ def test_a_good_sensor_passes(elbow, labelled):
 FAULTS = [
     ("zero", lambda x: {"offset": x}, limit("zero"), {"zero"}),
     ("zero, negative", lambda x: {"offset": -x}, limit("zero"), {"zero"}),
-    ("zero return", lambda x: {"left": x, "offset": -0.05}, limit("zero return"), {"zero return"}),
+    (
+        "zero return",
+        lambda x: {"left": x, "offset": -0.05, "gain": 1.01},
+        limit("zero return"),
+        {"zero return"},
+    ),
     (
         "repeatability",
         lambda x: {"scatter": x, "gain": 1 - x / 2 / TORQUE},

@@ -37,6 +37,7 @@ from esea_gen.studies.torque_check.procedure import (
     load_range_Nm,
     procedure,
     require,
+    stiffening,
 )
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class TorqueCheck:
         self.settle_s, self.record_s = settle_s, record_s
         self.measurements: list[Measurement] = []
         self._check_load()
+        self._stiffening = stiffening(device, known.torque_Nm)
 
     def _check_load(self) -> None:
         torque, mass_kg = self.known.torque_Nm, self.known.mass_kg
@@ -229,13 +231,17 @@ class TorqueCheck:
     def readings(self) -> tuple[tuple[tuple[str, str, str], float], ...]:
         """Loads with both unloaded phases beside them: labels, and the error in Nm.
 
-        The error is positive where the sensor reads too much in the direction of the load.
+        The error is positive where the sensor reads too much in the direction of the load.  The
+        mean of the unloaded phases is an offset of the deflection: it has its own limit, and makes
+        more torque where the rubber is stiffer.
         """
-        out = []
+        out, zeros = [], [m.mean_Nm for m in self.measurements[::2]]
+        grown_Nm = (self._stiffening - 1) * float(np.mean(zeros))
         for i in range(1, len(self.measurements) - 1, 2):
             before, load, after = self.measurements[i - 1 : i + 2]
             sign = 1 if self.steps[i].kind == "plus" else -1
-            torque = sign * (load.mean_Nm - 0.5 * (before.mean_Nm + after.mean_Nm))
+            unloaded_Nm = 0.5 * (before.mean_Nm + after.mean_Nm)
+            torque = sign * (load.mean_Nm - unloaded_Nm - grown_Nm)
             labels = (before.label, load.label, after.label)
             out.append((labels, torque - self.known.torque_Nm))
         return tuple(out)

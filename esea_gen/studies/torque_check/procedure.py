@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from scipy.optimize import brentq
+
 from esea_gen.devices.drive_relations import spring_Nm
 from esea_gen.errors import UserError
 
@@ -112,8 +114,8 @@ LIMITS = (
     Limit(
         "accuracy",
         0.5,
-        "|loaded mean, less the unloaded ones beside it, less the known load|, which must stay "
-        "below the limit less the known load's uncertainty",
+        "|loaded mean, less the offset of the unloaded ones beside it, less the known load|, which "
+        "must stay below the limit less the known load's uncertainty",
         "a gain error is felt as the same share of every torque, so the load counts; the published "
         "error of other elastomers of the kind is 2.9 to 3.7 % RMS; the fixed part is one count "
         "of 12 bits",
@@ -168,6 +170,16 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
         r = e.omega_rad.value * i
         torque += e.alpha_Nm_rad.value * math.exp(-e.beta_1_rad.value * r) * min(delta, r)
     return torque
+
+
+def stiffening(device: DeviceData, load_Nm: float) -> float:
+    """Torque that an encoder's offset makes under a load, over what it makes unloaded."""
+    most_rad, h = device.file.domain.theta_max_rad.value, 1e-3
+    if not (unloaded := static_torque_Nm(device, h)):
+        return 1.0  # play
+    at_rad = brentq(lambda x: static_torque_Nm(device, x) - load_Nm, 0.0, most_rad)
+    loaded = static_torque_Nm(device, at_rad + h) - static_torque_Nm(device, at_rad - h)
+    return 0.5 * float(loaded / unloaded)
 
 
 def largest_torque_Nm(device: DeviceData) -> float:
