@@ -33,6 +33,14 @@ CHOOSE = (
 )
 
 
+WHOLE = (
+    "The firmware's C has no whole numbers, rounding or remainder: divide with /, compare, and "
+    "choose with casadi.if_else."
+)
+_ROUNDING = ("floordiv", "mod", "divmod", "round", "floor", "ceil", "trunc", "int")
+_ROUNDING += ("rfloordiv", "rmod", "rdivmod")
+
+
 def outside_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
     """A law by ``FILE.py:name``.
 
@@ -102,8 +110,10 @@ def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserErr
     if isinstance(error, AttributeError) and isinstance(error.obj, SimpleNamespace):
         text, known = f"there is no '{error.name}'", sorted(vars(error.obj))
         fix = f"{nearest(str(error.name), known)}There are: {', '.join(known)}."
-    elif "truth value" in text:
+    elif "truth value" in text or re.search(r"operand type.* [&|~]: ", text):
         fix = CHOOSE
+    elif "whole part" in text or "as an integer" in text:
+        fix = WHOLE
     elif isinstance(error, NotANumberError):
         called = re.search(r"\bmath\.(\w+)", code)
         fix = _instead(called[1]) if called else "Use casadi's functions on symbols."
@@ -120,25 +130,35 @@ class NotANumberError(TypeError):
 
 @contextmanager
 def _symbols_are_no_numbers() -> Iterator[None]:
-    # CasADi makes NaN of a symbol that is asked for its number, as math.sin does.
+    # CasADi makes NaN of a symbol that is asked for its number, as math.sin does, and rounds by
+    # functions that the C has not: here the line is still known.
     sx: Any = ca.SX
-    usual = sx.__float__
+    asks = dict.fromkeys((f"__{n}__" for n in _ROUNDING), "a symbol has no whole part or remainder")
+    asks["__float__"] = "Python needs a number here, but this is a symbol"
+    usual = {name: getattr(sx, name) for name in asks}
 
-    def number(x: ca.SX, *more: Any) -> float:
-        if not x.is_constant():
-            raise NotANumberError("Python asks for a number, and this is a symbol")
-        return float(usual(x, *more))
+    def refusing(name: str) -> Any:
+        def number(x: ca.SX, *more: Any) -> Any:
+            if not x.is_constant():
+                raise NotANumberError(asks[name])
+            return usual[name](x, *more)
 
-    sx.__float__ = number
+        return number
+
+    for name in asks:
+        setattr(sx, name, refusing(name))
     try:
         yield
     finally:
-        sx.__float__ = usual
+        for name, method in usual.items():
+            setattr(sx, name, method)
 
 
 def _instead(function: str) -> str:
     if function not in NOT_IN_C:
         return f"Use casadi.{function}."
+    if function in ("floor", "ceil", "fmod"):
+        return WHOLE
     return (
         f"On symbols it is casadi.{function}, but the firmware's C has no {function}: write it as "
         f"a polynomial over the range of its input. The C has {IN_C}."
