@@ -31,6 +31,7 @@ from esea_gen.studies.torque_check.procedure import (
     LIMITS,
     REPEATS,
     SMALLEST_LOAD_PCT,
+    Kind,
     KnownLoad,
     ProcedureStep,
     judged_from_Nm,
@@ -135,10 +136,11 @@ class TorqueCheck:
                 f"Measure the {worst.partition(',')[0]} better; it has the largest part.",
             )
 
-    def limit_Nm(self, name: str) -> float:
-        """A limit in Nm, for the known load."""
+    def limit_Nm(self, name: str, kind: Kind = "plus") -> float:
+        """A limit in Nm, for the known load or an unloaded phase."""
         limit = next(x for x in LIMITS if x.name == name)
-        return limit.torque_Nm(self.device.tau_full_scale_Nm, self.known.torque_Nm)
+        load_Nm = 0.0 if kind == "zero" else self.known.torque_Nm
+        return limit.torque_Nm(self.device.tau_full_scale_Nm, load_Nm)
 
     # -- going through it ------------------------------------------------------------------------
 
@@ -254,7 +256,8 @@ class TorqueCheck:
         for m, step in zip(self.measurements, self.steps, strict=False):
             if step.kind == "zero":
                 out.append(CheckDecision("zero", (m.label,), abs(m.mean_Nm), limit("zero")))
-            out.append(CheckDecision("drift", (m.label,), abs(m.drift_Nm), limit("drift")))
+            drift = limit("drift", step.kind)
+            out.append(CheckDecision("drift", (m.label,), abs(m.drift_Nm), drift))
             out.append(CheckDecision("noise", (m.label,), m.noise_Nm, limit("noise")))
         found = {m.label: m.mean_Nm for m in self.measurements}
         errors: dict[str, list[float]] = {"plus": [], "minus": []}

@@ -140,7 +140,9 @@ LIMITS = (
         "drift",
         1.0,
         "|change over a recorded phase, along its straight line|",
-        "a still load that seems to change is creep, temperature or a slipping mount",
+        "a still load that seems to change is creep, temperature or a slipping mount; one count "
+        "of 12 bits that changes half way makes 1.5 times its torque",
+        1.5,
     ),
     Limit(
         "noise",

@@ -283,7 +283,7 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
         except UserError as refused:
             bench.say(str(refused))
             continue
-        drifts = abs(found.drift_Nm) > check.limit_Nm("drift")
+        drifts = abs(found.drift_Nm) > check.limit_Nm("drift", step.kind)
         if drifts and again.count(step.label) < COUNT_TRIES and _stands(bench.board, c, check):
             check.undo()
             again.append(step.label)
