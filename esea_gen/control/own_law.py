@@ -37,8 +37,10 @@ WHOLE = (
     "The firmware's C has no whole numbers, rounding or remainder: divide with /, compare, and "
     "choose with casadi.if_else."
 )
-_ROUNDING = ("floordiv", "mod", "divmod", "round", "floor", "ceil", "trunc", "int")
-_ROUNDING += ("rfloordiv", "rmod", "rdivmod")
+_ROUNDING = (
+    *("floordiv", "rfloordiv", "mod", "rmod", "divmod", "rdivmod"),
+    *("round", "floor", "ceil", "trunc", "int"),
+)
 
 
 def outside_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
