@@ -33,10 +33,7 @@ CHOOSE = (
 )
 
 
-WHOLE = (
-    "The firmware's C has no whole numbers, rounding or remainder: divide with /, compare, and "
-    "choose with casadi.if_else."
-)
+WHOLE = "The C has no rounding or remainder: divide with / and choose with casadi.if_else."
 _ROUNDING = (
     *("floordiv", "rfloordiv", "mod", "rmod", "divmod", "rdivmod"),
     *("round", "floor", "ceil", "trunc", "int"),
@@ -132,8 +129,7 @@ class NotANumberError(TypeError):
 
 @contextmanager
 def _symbols_are_no_numbers() -> Iterator[None]:
-    # CasADi makes NaN of a symbol that is asked for its number, as math.sin does, and rounds by
-    # functions that the C has not: here the line is still known.
+    # CasADi makes NaN where math.sin asks for a symbol's number, and rounds by what no C has.
     sx: Any = ca.SX
     asks = dict.fromkeys((f"__{n}__" for n in _ROUNDING), "a symbol has no whole part or remainder")
     asks["__float__"] = "Python needs a number here, but this is a symbol"

@@ -233,9 +233,8 @@ class TorqueCheck:
     def readings(self) -> tuple[tuple[tuple[str, str, str], float], ...]:
         """Loads with both unloaded phases beside them: labels, and the error in Nm.
 
-        The error is positive where the sensor reads too much in the direction of the load.  The
-        mean of the unloaded phases is an offset of the deflection: it has its own limit, and makes
-        more torque where the rubber is stiffer.
+        The error is positive where the sensor reads too much in the direction of the load.  An
+        offset, the mean of the unloaded phases, makes more torque where the rubber is stiffer.
         """
         out, zeros = [], [m.mean_Nm for m in self.measurements[::2]]
         grown_Nm = (self._stiffening - 1) * float(np.mean(zeros))

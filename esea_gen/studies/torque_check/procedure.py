@@ -177,11 +177,9 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
 def stiffening(device: DeviceData, load_Nm: float) -> float:
     """Torque that an encoder's offset makes under a load, over what it makes unloaded."""
     most_rad, h = device.file.domain.theta_max_rad.value, 1e-3
-    if not (unloaded := static_torque_Nm(device, h)):
-        return 1.0  # play
     at_rad = brentq(lambda x: static_torque_Nm(device, x) - load_Nm, 0.0, most_rad)
-    loaded = static_torque_Nm(device, at_rad + h) - static_torque_Nm(device, at_rad - h)
-    return 0.5 * float(loaded / unloaded)
+    first, low, high = (static_torque_Nm(device, x) for x in (h, at_rad - h, at_rad + h))
+    return 0.5 * float((high - low) / first) if first else 1.0  # play
 
 
 def largest_torque_Nm(device: DeviceData) -> float:
