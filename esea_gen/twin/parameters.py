@@ -17,7 +17,7 @@ from esea_gen.twin.published import PEOPLE, PLANTS
 
 SINES = 6
 MOTOR_NM = 0.221  # largest torque of the standard plants' motor
-STEP_S = 2e-4  # docs/twin.md has the evidence
+STEP_S = 2e-4  # docs/benchmarks.md has the evidence
 
 
 def assumed(name: str, default: float, low: float, high: float, meaning: str) -> Tunable:

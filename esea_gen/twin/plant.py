@@ -21,7 +21,7 @@ One step is half a kick, a drift, and half a kick::
 
 It is of second order, needs the forces once a step, has angles and speeds at the same instant, and
 stays stable where friction is steep: at rest the cable's loss torque has a slope of thousands per
-second, which no explicit step of 0.2 ms takes.  ``docs/twin.md`` has the evidence for the step.
+second, which no explicit step of 0.2 ms takes.  ``docs/benchmarks.md`` has evidence.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
 from tests.sim_drive import powered_on, zeroed
 
-AGE_MS = 500  # as docs/link.md has it
+AGE_MS = 500  # as docs/link-security.md has it
 ZERO, CLEAR, STOP, RELEASE, RESET = 31011, 31012, 31013, 31014, 31010
 ARM, STORE = 400, 245
 

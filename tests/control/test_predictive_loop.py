@@ -137,7 +137,7 @@ def test_the_board_c_has_no_warning_and_no_double(program, core, tmp_path):
 
 
 def test_the_standard_experiments(drive):
-    # Real plant, uncertain person; medians over ten seeds stand in docs/predictive.md.
+    # Real plant, uncertain person; medians over ten seeds are in docs/laws-compared.md.
     require_tool("gcc")
     assert rms("tuning", "mpc") < 0.06
     assert rms("backdriven", "mpc", case=3) < 0.07

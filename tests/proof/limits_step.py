@@ -27,7 +27,7 @@ Change = Callable[[str, str], str]
 GROUPS = {"coeffs": "coefficients", "state": "state", "in": "inputs", "out": "outputs"}
 
 
-# Control periods without a new stamp that are a fault, as docs/limits.md states it.
+# Control periods without a new stamp that are a fault, as docs/limits-integrity.md states it.
 SILENT_PERIODS = 5
 
 
