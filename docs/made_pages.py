@@ -204,7 +204,9 @@ def _inline(text: str) -> str:
 
 
 def _cell(text: str) -> str:
-    return " ".join(text.split()).replace("|", "&#124;")
+    pieces = re.split(r"(`[^`]*`)", " ".join(text.split()))
+    pieces[::2] = [p.replace("|", "&#124;") for p in pieces[::2]]  # code takes no entities
+    return "".join(pieces)
 
 
 def api_page(key: str) -> str:
@@ -390,7 +392,7 @@ def mapping_file_page() -> str:
         lines.extend(["", f"## {title if name else 'Top level'}", ""])
         if name:
             lines.extend([node["description"] + ("" if needed else " Optional."), ""])
-        lines.extend(['<div class="keys" markdown>', "", *head, *rows, "", "</div>"])
+        lines.extend(['<div class="keys mapping" markdown>', "", *head, *rows, "", "</div>"])
         for entry in inner if not name else ():
             section(*entry)
 
@@ -418,8 +420,8 @@ def command_line_page() -> str:
     lines = [
         "# Command line",
         "",
-        "*Made from the program's own help.* Exit code 0: as wanted; 1: a check did not pass; 2:",
-        "bad input, with one paragraph that says what, where and how to put it right.",
+        "*Made from the program's own help.* Exit codes: 0 done; 1 a check did not pass; 2 bad input,",
+        "with a message that states what is wrong, where, and the remedy.",
         "",
     ]
     for name, command in commands().items():
@@ -440,25 +442,25 @@ def command_line_page() -> str:
 
 
 def hazards_page() -> str:
-    """Hazard, requirement, code and test, from the table that tests hold against what is there."""
+    """Hazards with requirement, code and tests, from hazards.toml."""
     table = tomllib.loads((Path(__file__).parent / "hazards.toml").read_text(encoding="utf-8"))
     lines = [
         "# Hazards",
         "",
-        "*Made from `docs/hazards.toml`.* What may go wrong for the person in the robot, what is",
-        "required so that it does not, where that is done, and the tests that fail when it is not.",
-        "A test holds every name here against what is there, and every fault of latch and board to",
-        "a requirement. It is no risk analysis by a standard: probabilities, severities and the",
-        "hardware are not in it, and nothing was tried on real hardware.",
+        "*Made from `docs/hazards.toml`.* Hazards to the person in the robot, the requirement against",
+        "each, the code that meets it, and the tests that fail if it does not. A test checks that",
+        "every name exists, and that every fault of latch and board has a requirement. This is not a",
+        "risk analysis by a standard: it has no probabilities, severities or hardware, and nothing",
+        "was tried on real hardware.",
         "",
     ]
     for hazard in table["hazard"]:
-        lines += [f"## {hazard['id']}: {hazard['what']}", "", f"How: {hazard['why']}", ""]
+        lines += [f"## {hazard['id']}: {hazard['what']}", "", f"Causes: {hazard['why']}", ""]
         for r in hazard["requirement"]:
             faults = ", ".join(f"`{f}`" for f in r["faults"])
             lines += [f"### {r['id']}", "", r["says"], ""]
             lines += [f"- Fault: {faults}"] if faults else []
-            lines += ["- Done in: " + ", ".join(f"`{p}`" for p in r["code"])]
+            lines += ["- Code: " + ", ".join(f"`{p}`" for p in r["code"])]
             lines += ["- Tests: " + ", ".join(f"`{p}`" for p in r["tests"]), ""]
     return "\n".join(lines)
 
@@ -469,16 +471,15 @@ def states_page() -> str:
         "# States and faults",
         "",
         "*Made from `esea_gen/emit/states.toml`.* The board's state machine",
-        "(`firmware/app/machine.c`) and every fault.  For their meaning see",
-        "[Firmware](firmware.md#states).",
+        "(`firmware/app/machine.c`) and every fault. [Firmware](firmware.md#states) explains them.",
         "",
-        "| state | number | | own clock | motor |",
+        "| state | number | meaning | own clock | motor |",
         "|---|---|---|---|---|",
     ]
     for s in STATES:
         runs, motor = ("runs" if s.computes else "–"), ("on" if s.torque else "off")
         lines.append(f"| `{s.name}` | {s.value} | {s.meaning} | {runs} | {motor} |")
-    lines += ["", "| event | number | from | |", "|---|---|---|---|"]
+    lines += ["", "| event | number | from | meaning |", "|---|---|---|---|"]
     lines += [
         f"| `{e.name}` | {e.value} | {'link' if e.told else 'board'} | {e.meaning} |"
         for e in EVENTS
@@ -490,15 +491,15 @@ def states_page() -> str:
                 to = "stays" if way.to == "same" else f"`{way.to}`"
                 when = ", ".join(f"`{g}`" for g in way.when)
                 lines.append(f"| `{state}` | `{event}` | {to} | {when} |")
-    lines += ["", "| time | | |", "|---|---|---|"]
+    lines += ["", "| time | value | meaning |", "|---|---|---|"]
     lines += [f"| `{n}` | {v} ms | {m} |" for n, (v, m) in TIMES_MS.items()]
-    lines += ["", "| guard | |", "|---|---|"]
+    lines += ["", "| guard | true if |", "|---|---|"]
     lines += [f"| `{g.name}` | {g.meaning} |" for g in GUARDS]
     lines += [
         "",
         "## Faults",
         "",
-        "| fault | number | cause | what to do | found |",
+        "| fault | number | cause | what to do | motor off within |",
         "|---|---|---|---|---|",
     ]
     faults = [*BOARD_FAULTS[:1], *FAULT_CODES[1:], *BOARD_FAULTS[1:]]

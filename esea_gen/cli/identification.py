@@ -130,6 +130,8 @@ def _propose(recording: Path) -> None:
     out.lines(proposal.lines)
     out.print(f"proposed mapping: {path}. Check every line.")
     out.lines(f"to fill in: {m}" for m in proposal.missing)
+    if proposal.missing:
+        out.print("Fill these in first.")
     out.next("identify", str(path))
 
 

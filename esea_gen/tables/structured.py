@@ -24,7 +24,7 @@ from esea_gen.tables.table import (
     TableFormat,
     check_unique,
     listed,
-    missing_column,
+    missing_columns,
     shortened,
 )
 
@@ -61,7 +61,8 @@ def table_of(
         if isinstance(value, str):
             raise UserError(f"{name}: '{w}' is {value}.", f"Name a column: {listed(known)}.")
         if value is None:
-            raise missing_column(name, w, known, "Correct the column's name.")
+            missing = [w for w in wanted or () if content.get(w) is None]
+            raise missing_columns(name, missing, known, "Correct the name.")
         if w in single:
             raise UserError(
                 f"{name}: '{w}' has {sizes[w]} values, the columns have more.",

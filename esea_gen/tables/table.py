@@ -92,11 +92,12 @@ def remedy(settings: str, key: str, otherwise: str) -> str:
     return f"{otherwise}, or set {key} in {settings}." if settings else f"{otherwise}."
 
 
-def missing_column(name: str, wanted: str, known: Sequence[str], fix: str) -> UserError:
-    """The error for a column that is not in a table."""
-    hint = nearest(wanted, [n for n in known if n])
+def missing_columns(name: str, missing: Sequence[str], known: Sequence[str], fix: str) -> UserError:
+    """The error for columns that are not in a table."""
+    hint = "".join(nearest(m, [n for n in known if n]) for m in missing)
+    which = " or ".join(f"'{m}'" for m in missing)
     return UserError(
-        f"{name}: there is no column '{wanted}'; the columns are {listed(known)}.", hint + fix
+        f"{name}: there is no column {which}; the columns are {listed(known)}.", hint + fix
     )
 
 
@@ -232,7 +233,7 @@ class FileTable:
 
     def _column(self, column: str) -> Sequence[str] | npt.NDArray[Any]:
         if column not in self.cells:
-            raise missing_column(self.name, column, self.names, "Correct the name.")
+            raise missing_columns(self.name, [column], self.names, "Correct the name.")
         return self.cells[column]
 
     def _text(self, cell: Any) -> str:

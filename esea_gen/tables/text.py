@@ -26,7 +26,7 @@ from esea_gen.tables.table import (
     TableFormat,
     check_unique,
     listed,
-    missing_column,
+    missing_columns,
     numbered,
     remedy,
     shortened,
@@ -256,13 +256,10 @@ class TextReader:
                 "Give every column a name of its own",
             ),
         )
-        for w in self.wanted or ():
-            if w not in names:
-                better = self._better_header(header_line)
-                fix = "Correct the column's name."
-                if better:
-                    fix = self._names_at(better)
-                raise missing_column(f"{self.name}{where}", w, names, fix)
+        if missing := [w for w in self.wanted or () if w not in names]:
+            better = self._better_header(header_line)
+            fix = self._names_at(better) if better else "Correct the name."
+            raise missing_columns(f"{self.name}{where}", missing, names, fix)
 
     def _names_at(self, line: int) -> str:
         return self.fix(

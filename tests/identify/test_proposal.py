@@ -165,6 +165,7 @@ unit = "grad"
 [torque]
 column = "x"
 unit = "mV"
+zero = ""
 [sampling]
 time_unit = "h"
 [search]
@@ -176,6 +177,6 @@ us = "train"
     with pytest.raises(UserError) as caught:
         parse_mapping(text, "rig.toml")
     found = re.findall(r"^- rig\.toml, line (\d+): ", str(caught.value), re.MULTILINE)
-    # Name; unit; the torque's two scales; a column twice; sampling twice; population; a key.
-    assert found == ["3", "8", "9", "9", "10", "12", "13", "15", "18"]
-    assert "rig.toml: 9 problems." in str(caught.value)
+    # Name; unit; the torque's two scales; a column twice; zero; sampling twice; population; a key.
+    assert found == ["3", "8", "9", "9", "10", "12", "13", "14", "16", "19"]
+    assert "rig.toml: 10 problems." in str(caught.value)

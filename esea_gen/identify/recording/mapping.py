@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from collections.abc import Mapping as Numbers
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,9 +74,11 @@ class MappingFile:
             mapping = mapping.model_copy(update={table: changed})
         return replace(self, mapping=mapping)
 
-    def paths(self) -> Iterator[tuple[Path, str, RecordingTable]]:
+    def paths(self) -> list[tuple[Path, str, RecordingTable]]:
         """Every file as (path, name as given, its table), patterns expanded and sorted."""
         seen: set[Path] = set()
+        missing: list[Located] = []
+        given: list[tuple[Path, str, RecordingTable]] = []
         for i, table in enumerate(self.mapping.recording):
             for name in table.files:
                 pattern = any(c in name for c in "*?[") and not (self.folder / name).is_file()
@@ -84,11 +86,12 @@ class MappingFile:
                 found = [p for p in found if p.is_file()]
                 if not found:
                     what = "matches no file" if pattern else "does not exist"
-                    raise UserError(
-                        f"{self.origin}: recording[{i}].files: '{name}' {what} in '{self.folder}'.",
+                    error = UserError(
+                        f"recording[{i}].files: '{name}' {what} in '{self.folder}'.",
                         nearest(Path(name).name, _neighbours(self.folder / name))
                         + "Correct the path, or give the folder of the data with --data.",
                     )
+                    missing.append(((), error))
                 for path in found:
                     if path in seen:
                         raise UserError(
@@ -97,7 +100,10 @@ class MappingFile:
                             "Name every file once.",
                         )
                     seen.add(path)
-                    yield path, path.relative_to(self.folder).as_posix() if pattern else name, table
+                    shown = path.relative_to(self.folder).as_posix() if pattern else name
+                    given.append((path, shown, table))
+        together(missing, self.origin, "")
+        return given
 
 
 def _neighbours(path: Path) -> list[str]:
@@ -119,7 +125,8 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
     if not path.is_file():
         raise UserError(
             f"There is no mapping file '{path}'.",
-            nearest(path.name, _neighbours(path)) + "Give the path of a TOML file.",
+            nearest(path.name, _neighbours(path))
+            + "Give the path of a TOML file, or of a recording.",
         )
     folder = Path(data_folder) if data_folder is not None else path.parent
     if not folder.is_dir():
@@ -131,27 +138,34 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
 def parse_mapping(text: str, origin: str) -> Mapping:
     document = parse_toml(text, origin, "docs/identify.md")
     mapping, problems = judged(Mapping, document, _fix)
-    found = mapping or _sound_tables(document)
+    wrong = {tuple(loc[:2]) for loc, _ in problems}
+    found = mapping or _sound_tables(document, wrong)
     for key, q, facts in numbers_of(found):
         assert isinstance(q, Quantity)
         if problem := beyond(key, q.value, facts):
             problems.append(_wrong(key, problem.what, problem.fix))
     for check in (_units, _columns, _sampling, _temperatures, _text):
-        problems += check(found)
+        for loc, error in check(found):
+            # A wrong key was left out; that it is missing is no second problem.
+            if not any((loc[0], word) in wrong for word in re.findall(r"\w+", error.what)):
+                problems.append((loc, error))
     together(problems, origin, text)
     assert isinstance(mapping, Mapping)
     return mapping
 
 
-def _sound_tables(document: dict[str, Any]) -> Any:
-    # Of a mapping with errors, so that contradictions are reported with them: a table that is
-    # wrong or missing is None.
+def _sound_tables(document: dict[str, Any], wrong: Container[tuple[str | int, ...]]) -> Any:
+    # Of a mapping with errors, so that contradictions are reported with them: without its wrong
+    # keys; a table that is then incomplete, or missing, is None.
     found: dict[str, Any] = {}
     for name, field in Mapping.model_fields.items():
         key, kind = field.alias or name, cast("type[Any]", field.annotation)
         found[name] = None if field.is_required() else field.get_default()
         if key in document:
-            found[name] = judged(kind, document[key], _fix)[0]
+            table = document[key]
+            if isinstance(table, dict):
+                table = {k: v for k, v in table.items() if (key, k) not in wrong}
+            found[name] = judged(kind, table, _fix)[0]
     return Mapping.model_construct(**found)
 
 

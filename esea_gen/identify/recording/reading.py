@@ -52,7 +52,7 @@ def load_recordings(source: MappingFile) -> list[Recording]:
                 f"{source.origin}: {key} = 'fit' is found by esea-gen identify alone.",
                 "Write what it found here: it says so in its notes and under channels in its JSON.",
             )
-    files = list(source.paths())
+    files = source.paths()
     labels = _labels(source.origin, [(name, table) for _, name, table in files])
     loaded = [
         _load(source, path, name, table, label)
