@@ -420,8 +420,8 @@ def command_line_page() -> str:
     lines = [
         "# Command line",
         "",
-        "*Made from the program's own help.* Exit codes: 0 done; 1 a check did not pass; 2 bad input,",
-        "with a message that states what is wrong, where, and the remedy.",
+        "*Made from the program's own help.* Exit codes: 0 done; 1 a check did not pass; 2 bad",
+        "input, with a message that states what is wrong, where, and the remedy.",
         "",
     ]
     for name, command in commands().items():
@@ -447,11 +447,11 @@ def hazards_page() -> str:
     lines = [
         "# Hazards",
         "",
-        "*Made from `docs/hazards.toml`.* Hazards to the person in the robot, the requirement against",
-        "each, the code that meets it, and the tests that fail if it does not. A test checks that",
-        "every name exists, and that every fault of latch and board has a requirement. This is not a",
-        "risk analysis by a standard: it has no probabilities, severities or hardware, and nothing",
-        "was tried on real hardware.",
+        "*Made from `docs/hazards.toml`.* Hazards to the person in the robot, the requirement",
+        "against each, the code that meets it, and the tests that fail if it does not. A test",
+        "checks that every name exists, and that every fault of latch and board has a requirement.",
+        "This is not a risk analysis by a standard: it has no probabilities, severities or hardware,",
+        "and nothing was tried on real hardware.",
         "",
     ]
     for hazard in table["hazard"]:

@@ -122,17 +122,17 @@ out = Out()
 def _main(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print errors only; the exit code tells.")
+        bool, typer.Option("-q", "--quiet", help="Print errors only; the exit code has the result.")
     ] = False,
     verbose: Annotated[
-        bool, typer.Option("-v", "--verbose", help="Keep every step said, and where errors arose.")
+        bool, typer.Option("-v", "--verbose", help="Print every step, and where errors arose.")
     ] = False,
     trusted: Annotated[
         list[str] | None,
         typer.Option(
             "--trust",
             metavar="SHA256",
-            help="Run the law file with this hash, from now on, where a device file names it.",
+            help="Trust the law file with this hash from now on, where a device file names it.",
         ),
     ] = None,
 ) -> None:

@@ -33,10 +33,10 @@ def firmware(
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Compile firmware for a board and say how large it is.
+    """Compile firmware for a board and print its size.
 
-    Of a drive every task must have ended when its values are released: bound of its instructions,
-    clock and cycles an instruction say when.
+    Every task of a drive must end before its values are released, by the bound of its instructions,
+    the clock, and the cycles per instruction.
     """
     from esea_gen.board.firmware import build_firmware
 
@@ -102,8 +102,8 @@ def emulate(
 ) -> None:
     """Run the firmware in an emulator and compare every bit with the host library.
 
-    A sensing device is given deflections.  Of a drive all tasks run interleaved, on what they were
-    given in the tuning case in closed loop with the virtual exoskeleton.
+    A sensing device gets a stream of deflections.  A drive runs all its tasks, interleaved, with
+    their inputs of the tuning case in closed loop with the virtual exoskeleton.
     """
     from esea_gen.report.findings import emulated
 

@@ -147,7 +147,7 @@ def coverage(
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Which sides of every minimum, comparison and select the test streams take."""
+    """Report which sides of each minimum, comparison and select the test streams take."""
     from esea_gen.verify.coverage import branch_coverage
     from esea_gen.verify.equivalence import chosen_blocks
     from esea_gen.verify.memories import other_memories
@@ -181,7 +181,7 @@ def gates(
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Inspect the f32 object code: no double, libm, heap, writable data; stack bound."""
+    """Inspect the f32 object code: no double, libm, heap or writable data; stack bound."""
     from esea_gen.verify.gates import TARGETS, check_objects, find_target
 
     loaded = esea_gen.load_device(device, controller)
@@ -209,7 +209,7 @@ def mutate(
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Put one fault at a time into kernels and wiring and see whether the tests notice."""
+    """Insert one fault at a time into kernels and wiring; report which ones the tests detect."""
     from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 
     loaded = esea_gen.load_device(device, controller)
@@ -224,7 +224,7 @@ def mutate(
     exit_unless(all(r.score >= REQUIRED_SCORE for r in reports.values()))
 
 
-traces = typer.Typer(help="Committed traces: how every shipped System behaves.")
+traces = typer.Typer(help="Golden traces of every shipped System.")
 
 
 app.add_typer(traces, name="traces", no_args_is_help=True)
@@ -303,7 +303,9 @@ def faults(
     device: options.DeviceArgument,
     runs: Annotated[
         int | None,
-        option("--runs", "Number of faults (2000); with --table seeds a cell and law (20).", min=1),
+        option(
+            "--runs", "Number of faults (2000); with --table, seeds per cell and law (20).", min=1
+        ),
     ] = None,
     table: Annotated[
         str,
@@ -318,16 +320,16 @@ def faults(
     jobs: options.JobsOption = -1,
     resume: options.JournalOption = None,
     emulator: Annotated[
-        int, option("--emulator N", "So many of them on an emulated Cortex-M7 too.", min=0)
+        int, option("--emulator N", "Repeat so many of them on an emulated Cortex-M7.", min=0)
     ] = 0,
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
-    """Break inputs, memory, clock and link of a drive's board; exit 1 where a bound is broken.
+    """Inject faults into a drive's inputs, memory, clock and link; exit 1 beyond a stated bound.
 
     The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
     --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
-    With --table several laws of --controller (smc,cascade) stand side by side.
+    With --table, several laws of --controller (smc,cascade) are compared.
     """
     from esea_gen.analysis.campaign import Workers
     from esea_gen.verify.faults.campaign import DEFAULT_RUNS, fault_campaign, with_emulated

@@ -169,7 +169,7 @@ OffOption = Annotated[
     str,
     option(
         "--off FAMILY",
-        "In what the plant differs from the controller's model; several with a comma "
+        "Model mismatch of the plant; several with a comma "
         "between, or all (a wrong one lists them).",
     ),
 ]
@@ -328,7 +328,7 @@ def tune(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
-    """Sweep tunables in the tuning case: error, overshoot, roughness; choose, and say why."""
+    """Sweep tunables in the tuning case: error, overshoot, roughness; print choice and reason."""
     from esea_gen.analysis.campaign import Workers
     from esea_gen.studies.tuning_sweep import tune as sweep_tunables
 

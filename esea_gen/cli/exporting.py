@@ -16,7 +16,7 @@ from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
 
-export = typer.Typer(help="The generated C in the forms that other tools take in.")
+export = typer.Typer(help="Export the generated C to other tools.")
 
 
 app.add_typer(export, name="export", no_args_is_help=True)
@@ -54,7 +54,7 @@ def export_fmu(
         str | None,
         option(
             "--person",
-            "Who is in the virtual exoskeleton; default: who suits the plant.",
+            "Person in the virtual exoskeleton; default: by the plant.",
             metavar="|".join(PEOPLE),
             autocompletion=completing(lambda: PEOPLE),
         ),

@@ -225,7 +225,7 @@ def advise(
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Which experiment next: motions that tell most of the published model's parameters."""
+    """Propose motions that reduce the uncertainty of the published model's parameters most."""
     from esea_gen.identify import identify as identify_published
     from esea_gen.identify.next_experiment import advise as advised
 
@@ -252,7 +252,7 @@ def reliability(
     data: options.DataOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """How far specimens agree: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
+    """Agreement of specimens: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
     if table.suffix == ".toml":
         from esea_gen.identify.reliability import joint_fit
 
@@ -283,7 +283,7 @@ def uncertainty(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
-    """How far the sensed torque may be off, by source, torque and rate: Monte-Carlo on the C."""
+    """Uncertainty of the measured torque by source, torque and rate: Monte Carlo on the C."""
     from esea_gen.studies.uncertainty.motions import identified_spread
     from esea_gen.studies.uncertainty.study import torque_uncertainty
 
@@ -375,13 +375,13 @@ def friction(
         ),
     ],
     full: Annotated[
-        float | None, option("--full-Nm", "Torque that an export means by 100 %.", min=1e-9)
+        float | None, option("--full-Nm", "Torque of 100 % in an export.", min=1e-9)
     ] = None,
     device: Annotated[
-        str | None, option("--device", "Drive that it is of, with its gear ratio.")
+        str | None, option("--device", "Drive that was measured, for its gear ratio.")
     ] = None,
     folder: Annotated[
-        Path | None, option("--out DIR", "Write the device file with what was found.")
+        Path | None, option("--out DIR", "Write the results as a derived device file.")
     ] = None,
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,

@@ -53,7 +53,7 @@ MappingArgument = Annotated[
     Path,
     typer.Argument(
         callback=_mapping,
-        help=f"Mapping file of the recording; {SAMPLE}: a rubber's, which comes along.",
+        help=f"Mapping file of the recording; {SAMPLE}: a shipped recording.",
     ),
 ]
 RecordingOption = Annotated[
@@ -95,7 +95,7 @@ JsonOption = Annotated[
 ]
 
 
-SeedOption = Annotated[int, option("--seed", "Seed of what is drawn at random.", min=0)]
+SeedOption = Annotated[int, option("--seed", "Random seed.", min=0)]
 JournalOption = Annotated[
     Path | None,
     option("--resume DIR", "Store finished runs in DIR; the same command continues from there."),

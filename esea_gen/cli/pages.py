@@ -30,7 +30,7 @@ def report(
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Build, verify, emulate, measure: everything known of a device on one HTML page."""
+    """Build, verify, emulate and measure a device; write one HTML report."""
     from_extra("pymavlink", "link", "esea-gen report")
     data = options.of_recording(data, recording)
     loaded = esea_gen.load_device(device, controller)
@@ -55,7 +55,7 @@ def specimen(
         typer.Argument(
             metavar="RESULT",
             help="JSON of identify, identify --compare, reliability, esea-host life; in any order. "
-            "What none of them says is not known, but for the identification: it is made.",
+            "A missing identification is made; other missing results are reported as not known.",
         ),
     ] = None,
     data: options.DataOption = None,
@@ -63,7 +63,7 @@ def specimen(
         Path | None, option("--out FILE", "Output; default: specimen.html.", callback=writable)
     ] = None,
 ) -> None:
-    """All that is known of one specimen on one HTML page: loops, intervals, reliability, life."""
+    """Report on one specimen, as one HTML page: loops, intervals, reliability, life."""
     target = page or writable(Path("specimen.html"))
     assert target is not None
     from esea_gen.report.specimen import specimen_page

@@ -30,14 +30,14 @@ GROUPS = {
         "pair": "board",
         "unpair": "board",
     },
-    "What a board keeps, and its joint": {
+    "Stored data of a board, and its joint": {
         "commission": "commission",
         "kept": "board",
         "blackbox": "board",
         "life": "board",
     },
     "Recordings": {"show": "logs", "replay": "logs", "export": "logs", "import": "logs"},
-    "People, studies and what comes of them": {
+    "Studies and analysis": {
         "study": "study study_data session wrist",
         "assess": "assess",
         "analyse": "interaction wrist",

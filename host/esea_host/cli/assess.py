@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 assess = typer.Typer(
     cls=WholeSentences,
-    help=f"Knee: movement disorders, and which movement would tell most. {NOTICE}",
+    help=f"Assess a knee: movement disorders, and the most informative next movement. {NOTICE}",
     no_args_is_help=True,
 )
 app.add_typer(assess, name="assess")
@@ -66,15 +66,13 @@ def _data(path: Path | None) -> Any:
 
 
 HeadlessOption = Annotated[
-    bool, option("--headless", "With a board: keep what passes, repeat what misses.")
+    bool, option("--headless", "With a board: keep movements that pass, repeat the others.")
 ]
 
 
 @assess.command(epilog=NOTICE)
 def build(
-    file: Annotated[
-        Path, typer.Argument(callback=writable, help="Where the data base goes (.npz).")
-    ],
+    file: Annotated[Path, typer.Argument(callback=writable, help="File of the data base (.npz).")],
     patients: Annotated[
         int, option("--patients", "Simulated patients of each category.", min=8)
     ] = 60,
@@ -86,7 +84,7 @@ def build(
         ),
     ] = None,
 ) -> None:
-    """Build a data base of responses: one file, with where it comes from."""
+    """Build a data base of responses; the file states its sources."""
     from esea_host.assess.build import build as simulate
     from esea_host.assess.files import from_recordings
 
@@ -116,7 +114,7 @@ def evaluate(
     page: Annotated[Path | None, output_file("--page", "Write the page (.html).")] = None,
     database: DataOption = None,
 ) -> None:
-    """Judge the assessment on simulated patients drawn anew."""
+    """Evaluate the assessment on new simulated patients."""
     from esea_host.assess.evaluation import evaluate as meet_all
     from esea_host.assess.judge import judge, table
     from esea_host.assess.pages import evaluation_page
@@ -151,7 +149,7 @@ def run(
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
     fastest: Annotated[float, option("--fastest-deg-s", "Fastest comfortable speed.")] = 120.0,
-    mixed: Annotated[bool, option("--mixed", "Two disorders at once, too.")] = False,
+    mixed: Annotated[bool, option("--mixed", "Also consider two disorders at once.")] = False,
     summary: Annotated[
         Summary, option("--summary", "Of the data base; kernel: Gaussian process.")
     ] = "people",
@@ -161,7 +159,7 @@ def run(
     page: Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")] = None,
     database: DataOption = None,
 ) -> None:
-    """Assess one leg: a movement is proposed; measure it, type what it gave, or read recordings.
+    """Assess one leg: measure each proposed movement, type its result, or read recordings.
 
     A board measures with --device, and its recording goes beside the session (--json).  Works
     without a sensor: say in a word how the leg resists, or skip.
@@ -330,7 +328,7 @@ def pendulum(
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
-        float, option("--seconds", "Wait so long for a fall.", min=4, max=600)
+        float, option("--seconds", "How long to wait for a fall.", min=4, max=600)
     ] = 60.0,
     json_file: JsonOption = None,
 ) -> None:
@@ -382,7 +380,7 @@ def range_(
     json_file: JsonOption = None,
     figure: Annotated[Path | None, output_file("--figure", "Torque over angle.")] = None,
 ) -> None:
-    """Passive range of motion: how far, how stiff, and what the loop of torque loses."""
+    """Passive range of motion: range, stiffness, and work lost in a cycle."""
     from esea_host.assess.files import read_recording
     from esea_host.assess.pages import FIGURES, checked_name, loop_picture
     from esea_host.assess.passive_tests import SLOW_rad_s, motion_range
@@ -423,7 +421,7 @@ def validate(
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Hold the simulated knee against published numbers."""
+    """Compare the simulated knee with published numbers."""
     from esea_host.assess.validation import against_elbow, pendulum_table, table
 
     found: dict[str, Any] = {"notice": NOTICE, "simulated": True, "pendulum": pendulum_table()}

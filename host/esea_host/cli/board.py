@@ -57,9 +57,9 @@ def kept(
     device: DeviceOption = None,
     key: KeyOption = None,
 ) -> None:
-    """Show what outlasts the power: parameters, zeros, use counters; name the encoders.
+    """Show what a board stores: parameters, zeros, use counters; name the encoders.
 
-    A kept parameter that this firmware does not allow is told with what is in force in its place.
+    A stored parameter that this firmware does not allow is reported with the value in force.
     """
     with open_device(address, device, key) as board:
         names = [e.instance for e in board_roles(board.identity.device.system).encoders]
@@ -101,12 +101,12 @@ def blackbox(
     address: AddressArgument,
     target: Annotated[Path, output_file("--out", "Table to write, CSV.")],
     release: Annotated[
-        bool, option("--release", "Then let it go on; the board's copy is lost.")
+        bool, option("--release", "Then release it; the board's copy is lost.")
     ] = False,
     device: DeviceOption = None,
     key: KeyOption = None,
 ) -> None:
-    """Read the last two seconds before a fault out of a board."""
+    """Read the record of the last seconds before a fault from a board."""
     with open_device(address, device, key) as board:
         found = read_blackbox(board.session)
         if found is None:
@@ -139,13 +139,13 @@ def life(
         ),
     ] = None,
     forget: Annotated[
-        int | None, option("--forget", "Forget a coupling that lies aside.", min=1)
+        int | None, option("--forget", "Delete the count of a coupling that is not fitted.", min=1)
     ] = None,
     json_file: JsonOption = None,
     device: DeviceOption = None,
     key: KeyOption = None,
 ) -> None:
-    """Show what each coupling has borne, and how much of its life is used; name the couplings."""
+    """Show each coupling's load history and used share of its life; name the couplings."""
     with open_device(address, device, key) as board:
         lives = coupling_lives(board.session)
         axes = sum(x.axis is not None for x in lives)
@@ -209,7 +209,7 @@ def pair(
         ),
     ] = None,
 ) -> None:
-    """Give a board a key: from then on it takes signed commands only, and STOP from anybody."""
+    """Give a board a key: from then on it accepts only signed commands, and STOP from anyone."""
     with open_device(address, device) as board:
         found = board.identity
         if board.session.traffic().paired:
@@ -240,7 +240,7 @@ def pair(
 
 @app.command()
 def unpair(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
-    """Take the key from a board, so that it takes commands from anybody; set its file aside."""
+    """Remove a board's key, so that it accepts commands from anyone; move its file aside."""
     with open_device(address, device, key) as board:
         if not board.session.traffic().paired:
             raise UserError(f"{address}: the board is not paired.", "Nothing was changed.")

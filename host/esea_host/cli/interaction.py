@@ -17,7 +17,9 @@ from esea_host.cli.app import app, out, say, say_left_out
 from esea_host.cli.options import JsonOption, ReportOption
 from esea_host.cli.study import FolderArgument, opened, study_app
 
-analyse = typer.Typer(cls=WholeSentences, help="Analyse what was recorded.", no_args_is_help=True)
+analyse = typer.Typer(
+    cls=WholeSentences, help="Analyse recordings and surveys.", no_args_is_help=True
+)
 app.add_typer(analyse, name="analyse")
 
 FileArgument = Annotated[
@@ -40,7 +42,7 @@ def interaction(
         bool, option("--blinded", "A study's folder: elements by neutral names.")
     ] = False,
 ) -> None:
-    """Spring against elastomer: smoothness, statistics, survey, and what could have been seen."""
+    """Spring against elastomer: smoothness, statistics, survey, detectable differences."""
     from esea_host.study.folder import PROTOCOL
 
     checked_page(report)
@@ -119,7 +121,7 @@ def loading(
 
 @analyse.command()
 def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOption = None) -> None:
-    """Answers first against second device, said again as spring against elastomer."""
+    """Convert answers on first against second device to spring against elastomer."""
     from esea_host.interaction.survey import diverging_bars, read_survey
 
     found = read_survey(file)
@@ -160,7 +162,7 @@ def power(
     ] = math.nan,
     json_file: JsonOption = None,
 ) -> None:
-    """How large a difference so many people can show, and how many a difference needs."""
+    """Detectable difference for a number of people, and people needed for a difference."""
     from esea_host.statistics import NoStatisticError, power_statement
 
     try:
@@ -194,7 +196,7 @@ def smoothness(
     ] = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Every smoothness metric of a recording of your own, with its settings and their band."""
+    """Compute every smoothness metric of a recording, with its settings and their band."""
     from esea_host.interaction.own_data import measure_file
 
     found = measure_file(file, column, time, stop_Hz, last_s, resample_Hz, time_unit)

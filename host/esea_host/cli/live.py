@@ -77,7 +77,7 @@ def monitor(
     ] = False,
     rate: RateOption = None,
 ) -> None:
-    """Show what a board tells, in the terminal or line by line."""
+    """Print a board's values, in the terminal or line by line."""
     with open_device(address, device, key) as board:
         chosen = stream or [f"{t.name}_out" for t in every_tick(board.identity.device.system)]
         board.listen(chosen, rate)
@@ -151,7 +151,7 @@ def record(
     rate: Annotated[float, option("--rate", "Of --signal, a second; 0: every run.", min=0.0)] = 0.0,
     note: Annotated[str, option("--note", "Written into it at the start.")] = "",
 ) -> None:
-    """Record a board; gaps are counted, shown and kept.
+    """Record a board; gaps are counted and reported.
 
     Exit code 1: the board went away or the disk was full; what was recorded until then is kept.
     """
@@ -200,7 +200,7 @@ def bridge(
     rate: RateOption = None,
     seconds: SecondsOption = None,
 ) -> None:
-    """Hand a board's streams on to Foxglove or the Lab Streaming Layer as they come."""
+    """Forward a board's streams to Foxglove or the Lab Streaming Layer."""
     if foxglove is None and not lsl:
         raise UserError("Nobody is named to hand on to.", "Add --foxglove PORT, --lsl, or both.")
     with open_device(address, device, key) as board:
@@ -239,7 +239,7 @@ def serve(
     key: KeyOption = None,
     seconds: SecondsOption = None,
 ) -> None:
-    """See a board live in a browser, also on a tablet, and stop it there."""
+    """Show a board live in a browser, also on a tablet, with a STOP button."""
     from_extra("tornado", "serve", "The browser view")
     from esea_host.serve import browser_view
     from esea_host.windows.feed import LiveFeed
@@ -255,7 +255,7 @@ def serve(
 
 @app.command()
 def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption = None) -> None:
-    """Take the present angles as zero: unloaded, at the joint's zero, standing still.
+    """Set the present angles to zero: joint unloaded, at its zero and at rest.
 
     Exit code 1: something moved meanwhile, and the encoders have no zero.
     """
@@ -288,11 +288,9 @@ def parameters(
     compare: Annotated[
         Path | None, option("--compare", "Show only what differs from a JSON file.")
     ] = None,
-    keep: Annotated[
-        bool, option("--keep", "The board keeps the values in force without power.")
-    ] = False,
+    keep: Annotated[bool, option("--keep", "Store the values on the board.")] = False,
 ) -> None:
-    """List, set, save, load or compare a board's parameters; what changes is shown first."""
+    """List, set, save, load or compare a board's parameters; changes are shown first."""
     if compare is not None and (assign or load or save or keep):
         raise UserError("--compare changes nothing and writes nothing.", "Give it alone.")
     loaded = {} if load is None else _read(load)

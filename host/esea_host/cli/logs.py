@@ -22,12 +22,12 @@ from esea_host.recording.integrity import warn_unless_complete
 FORMATS = ("csv", "parquet", "bids")
 EVENTS = ("gap", "note", "clock", "parameter", "parameters", "board_clock")
 MOST_LINES = 20
-SpeedOption = Annotated[float, option("--speed", "1: as it was; 0: at once.", min=0.0)]
+SpeedOption = Annotated[float, option("--speed", "1: recorded speed; 0: at once.", min=0.0)]
 
 
 @app.command()
 def show(path: LogArgument) -> None:
-    """Print what is in a recording: its state, device, streams, gaps, notes."""
+    """Print the contents of a recording: state, device, streams, gaps, notes."""
     with open_log(path) as log:
         facts = log.facts
         out.print(f"{path}: {log.integrity}")
@@ -65,10 +65,10 @@ def _list(what: str, found: Sequence[object]) -> None:
 def replay(
     path: LogArgument,
     verify: Annotated[
-        bool, option("--verify", "Compute it again with the C that made it.")
+        bool, option("--verify", "Recompute it with the generated C and compare every bit.")
     ] = False,
     allow_damage: Annotated[
-        bool, option("--allow-damage", "With --verify: pass if what is left is the C's.")
+        bool, option("--allow-damage", "With --verify: pass if all undamaged parts agree.")
     ] = False,
     stream: OneStreamOption = None,
     speed: SpeedOption = 1.0,
@@ -120,7 +120,7 @@ def export(
     subject: Annotated[str, option("--subject", "BIDS: label.")] = "01",
     task: Annotated[str, option("--task", "BIDS: label.")] = "torque",
 ) -> None:
-    """Write a stream for other programs; units are in the header, gaps stay gaps."""
+    """Export a stream to other programs; units are in the header, gaps stay gaps."""
     from esea_host.recording.export import to_bids, to_csv, to_parquet
 
     with open_log(path) as log:
@@ -141,9 +141,9 @@ def import_(
         Path, typer.Argument(help="Log of another machine: CSV, Parquet, MAT, HDF5 or JSON.")
     ],
     target: Annotated[Path, typer.Argument(callback=writable, help="Recording to write (.mcap).")],
-    mapping: Annotated[Path, option("--mapping", "TOML: which column is what.")],
+    mapping: Annotated[Path, option("--mapping", "TOML file that describes the columns.")],
 ) -> None:
-    """Make a recording of another machine's log; its faults are reported."""
+    """Convert another machine's log to a recording; its defects are reported."""
     from esea_host.recording.foreign import import_table, read_mapping
 
     report = import_table(source, read_mapping(mapping), target)

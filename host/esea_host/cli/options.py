@@ -20,10 +20,10 @@ def output_file(flag: str, words: str) -> Any:
 
 AddressArgument = Annotated[
     str,
-    typer.Argument(help="Where the board is: tcp:host:port, serial:/dev/..., pty:..., sim:knee."),
+    typer.Argument(help="Address of the board: tcp:host:port, serial:/dev/..., pty:..., sim:knee."),
 ]
 DeviceOption = Annotated[
-    str | None, option("--device", "Device that it must be: name or file; default: any shipped.")
+    str | None, option("--device", "Expected device: name or file; default: any shipped.")
 ]
 KeyOption = Annotated[
     Path | None,
@@ -39,7 +39,7 @@ StreamOption = Annotated[
     list[str] | None, option("--stream", "Stream, such as sense_out; again for more; default: all.")
 ]
 OneStreamOption = Annotated[
-    str | None, option("--stream", "Which; default: what the first axis is sensed to do.")
+    str | None, option("--stream", "Stream; default: sensing of the first axis.")
 ]
 PortOption = Annotated[
     int | None, option("--port", "Of the browser view; default: 8766; 0: any.", min=0, max=65535)

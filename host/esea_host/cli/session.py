@@ -246,7 +246,7 @@ class _AskedSession:
 
 
 @study_app.command(
-    "resume", help="Show what an interrupted session holds, and go on with it in the planned order."
+    "resume", help="Show an interrupted session and continue it in the planned order."
 )
 @study_app.command("run")
 def run(
@@ -271,17 +271,15 @@ def run(
     dark: DarkOption = None,
     close: Annotated[bool, option("--close", "Close the windows at the end.")] = False,
     hold: Annotated[
-        bool, option("--hold", "Wait for you after a calibration that was not good enough.")
+        bool, option("--hold", "Wait for the operator after an incomplete calibration.")
     ] = False,
-    early: Annotated[
-        str, option("--early", "Why the session comes before its washout is over.")
-    ] = "",
+    early: Annotated[str, option("--early", "Reason to start before the washout is over.")] = "",
     mass: MassOption = None,
     lever: Annotated[
         float | None, option("--lever", "m, from the joint to where it hangs.", min=0.01)
     ] = None,
     rehearsal: Annotated[
-        bool, option("--rehearsal", "Try the session out, with any device; it counts for nobody.")
+        bool, option("--rehearsal", "Rehearse the session with any device; gives no data.")
     ] = False,
     opening: Annotated[
         str,

@@ -65,7 +65,7 @@ def check(
     key: KeyOption = None,
     trust: TrustOption = None,
 ) -> None:
-    """Check a protocol file and say in plain words what it asks of people, with its duration."""
+    """Check a protocol file; state what it asks of people and how long it takes."""
     from esea_host.study.fitting import DeviceSignals, uses_of
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
@@ -99,7 +99,7 @@ def create(
     task: TaskOption = None,
     simulated: Annotated[
         bool | None,
-        option("--simulated/--real", "Whether people take part; it cannot be changed later."),
+        option("--simulated/--real", "Whether people take part; this cannot be changed later."),
     ] = None,
     trust: TrustOption = None,
     operator: OperatorOption = "",
@@ -133,9 +133,7 @@ def create(
 def enrol(
     folder: FolderArgument,
     code: CodeArgument,
-    consent: Annotated[
-        bool, option("--consent", "The participant's written consent is there.")
-    ] = False,
+    consent: Annotated[bool, option("--consent", "Written consent has been obtained.")] = False,
     form: Annotated[str, option("--form VERSION", "Version of the consent form.")] = "",
     date: Annotated[
         str, option("--date", "When it was signed, as 2026-11-26; default: today.")
@@ -149,15 +147,13 @@ def enrol(
     ] = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Take a participant in, by code; a group is disclosed at the first session."""
+    """Enrol a participant by code; the group is disclosed at the first session."""
     study = opened(folder, runs=False, operator=operator)
     study.enrol(code, consent, form, date, obtained_by, stratum or ())
     out.print(f"{code} enrolled")
 
 
-@study_app.command(
-    "repeat", help="Have a trial again: what it gave no longer counts, and stays on record."
-)
+@study_app.command("repeat", help="Repeat a trial: its data no longer counts, and stays on record.")
 @study_app.command("skip")
 def skip(
     context: typer.Context,
@@ -169,7 +165,7 @@ def skip(
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Leave a trial of an interrupted session out."""
+    """Skip a trial of an interrupted session."""
     study = opened(folder, trust, operator=operator)
     with closing(study.session(code, session - 1, None)) as begun:
         if context.info_name == "repeat":
@@ -197,7 +193,7 @@ def event(
         str,
         option("--relation", "To the device: not-related, possible, probable, causal."),
     ] = "",
-    action: Annotated[str, option("--action", "What was done about it.")] = "",
+    action: Annotated[str, option("--action", "Action taken.")] = "",
     operator: OperatorOption = "",
 ) -> None:
     """Record a deviation from the protocol, or an adverse event."""
@@ -224,14 +220,14 @@ def withdraw(
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
-    """A participant withdraws: the data stays, and nothing uses it any more; no reason is owed."""
+    """Withdraw a participant: the data stays, but is not used; no reason is required."""
     opened(folder, runs=False, operator=operator).withdraw(code, reason)
     out.print(f"{code} has withdrawn: no more sessions, and no use of the data from now on")
 
 
 @study_app.command("repair")
 def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> None:
-    """Move what is behind a break of a log aside, so that the study can go on; nothing is lost."""
+    """Move the part of a log after a break aside, so that the study can continue."""
     from esea_host.study.repair import repair
 
     said = repair(opened(folder, runs=False, operator=operator))
@@ -245,7 +241,7 @@ def replay_command(
     session: SessionOption = 1,
     trust: TrustOption = None,
 ) -> None:
-    """Make every scene of a session again, and say whether they are the same.
+    """Recompute every scene of a session and compare it with the log.
 
     From its log, and from what the board recorded, where it was run with one.
     """
@@ -275,7 +271,7 @@ def replay_command(
 
 @study_app.command("audit")
 def audit(folder: FolderArgument) -> None:
-    """Check every log's chain, the protocol and the tasks; list what was done.  Runs no code."""
+    """Check every log's chain, the protocol and the tasks; list all actions.  Runs no code."""
     study = opened(folder, runs=False)
     for e in study.trail(strict=False):
         told = "".join(f" {k}={v}" for k, v in e.data.items() if k not in ("content", "program"))

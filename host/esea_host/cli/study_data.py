@@ -37,7 +37,7 @@ def allocate(
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
-    """Draw the sealed list of groups, as a third person: permuted blocks of random size."""
+    """Draw the sealed list of groups, as a third person (permuted blocks of random size)."""
     strata = opened(folder, runs=False, operator=operator).allocate(keep, places, reason)
     each = f" in each of {len(strata)} strata" if len(strata) > 1 else ""
     out.print(f"{folder}: {places} places{each}; the study has their seals, not the groups")
@@ -52,12 +52,12 @@ def unblind(
     folder: FolderArgument,
     role: Annotated[
         Literal["operator", "participant", "analyst"],
-        typer.Argument(help="Who may see groups from now on."),
+        typer.Argument(help="Role that may see groups from now on."),
     ],
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
-    """End the blinding of a role: person, time and reason stay on record."""
+    """Unblind a role; person, time and reason stay on record."""
     study = opened(folder, runs=False, operator=operator)
     if not reason:
         raise UserError("Nobody is unblinded without a reason.", "Give --reason, without names.")
@@ -74,7 +74,7 @@ def delete(
     reason: ReasonOption = "",
     operator: OperatorOption = "",
 ) -> None:
-    """Delete all data of a participant, as anybody may ask; that it was done stays on record."""
+    """Delete all data of a participant on request; the deletion stays on record."""
     if not reason:
         raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
     files = opened(folder, runs=False, operator=operator).delete(code, reason)
@@ -98,7 +98,7 @@ def export(
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Write data for others: secret codes, no notes, no dates, no groups while blinded."""
+    """Export data: secret codes, no notes, no dates, no groups while blinded."""
     from esea_host.study.exchange import omissions
 
     study = opened(folder, trust, runs=as_ == "bids", operator=operator)
@@ -144,7 +144,7 @@ def _identifying(study: StudyFolder, to: Path) -> list[str]:
 
 @study_app.command("status")
 def status(folder: FolderArgument) -> None:
-    """Participants, places of the list, sessions: in words, without a group."""
+    """Show participants, places of the list and sessions, without groups."""
     from esea_host.study.report import flow_of
 
     say(flow_of(opened(folder, runs=False)).lines())
@@ -155,7 +155,7 @@ def report(
     folder: FolderArgument,
     to: Annotated[Path, typer.Argument(metavar="FILE.html", help="The page.")],
 ) -> None:
-    """One page: flow of participants, sessions, deviations, adverse events, intact logs."""
+    """Write a one-page report: participants, sessions, deviations, adverse events, logs."""
     from esea_host.study.report import study_page
 
     if to.suffix != ".html":

@@ -65,7 +65,7 @@ def view(
     ] = None,
     port: PortOption = None,
 ) -> None:
-    """See a board live: curves, limits, faults; Space, Escape or F12 stops."""
+    """Show a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
     if port is not None and serve is None:
         raise UserError("--port goes with --serve.", "Add --serve IP, or leave --port out.")
@@ -123,7 +123,7 @@ def demo(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
 ) -> None:
-    """Simulated board and person, in the live view; headless: a recording, its proof, one page."""
+    """Show a simulated board and person live; headless: record, verify and report them."""
     device = driven_by(controller, device)
     if not headless:
         if report is not None:
@@ -187,7 +187,7 @@ def wrist(
         ),
     ] = False,
 ) -> None:
-    """See raw and normalised cursor of a wrist, switch the constraint, calibrate."""
+    """Show a wrist's raw and normalised cursor, switch the constraint, calibrate."""
     place = parse_address(address)
     if headless:
         if screenshot is None:

@@ -117,7 +117,7 @@ def virtual(
     to_json: JsonOption = None,
     report: ReportOption = None,
 ) -> None:
-    """A whole study with virtual participants; all that comes of it is simulated."""
+    """Run a complete study with virtual participants; every result is simulated."""
     from esea_host.wrist.calibration import METHODS
 
     if method not in METHODS:
@@ -238,7 +238,7 @@ def analyse_reaches(
     to_json: JsonOption = None,
     stream: Annotated[str, option("--stream", "Stream with cursor and target.")] = "reach",
 ) -> None:
-    """The motor-learning task's numbers on reaching to targets that stand, a line a recording."""
+    """The motor-learning task's measures on reaching to fixed targets, one line per recording."""
     from esea_host.recording.integrity import warn_unless_complete
     from esea_host.recording.log import open_log
     from esea_host.wrist.figures import number
