@@ -450,8 +450,8 @@ def hazards_page() -> str:
         "*Made from `docs/hazards.toml`.* Hazards to the person in the robot, the requirement",
         "against each, the code that meets it, and the tests that fail if it does not. A test",
         "checks that every name exists, and that every fault of latch and board has a requirement.",
-        "This is not a risk analysis by a standard: it has no probabilities, severities or hardware,",
-        "and nothing was tried on real hardware.",
+        "This is not a risk analysis by a standard: probabilities, severities and the hardware are",
+        "missing, and nothing was tried on real hardware.",
         "",
     ]
     for hazard in table["hazard"]:
