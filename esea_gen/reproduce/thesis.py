@@ -102,7 +102,7 @@ Kind = Literal["numbers", "inputs", "claims", "drawn", "people", "data", "plain"
 REPRODUCED = "reproduced"
 TAKEN = "taken over"
 DIFFERS = "differs"
-UNEXPLAINED = "differs, and nothing says why"
+UNEXPLAINED = "differs, unexplained"
 NOT_RUN = "not run here"
 WORDS = {
     "drawn": "drawn again",
