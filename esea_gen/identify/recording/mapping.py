@@ -125,8 +125,7 @@ def load_mapping(path: str | Path, data_folder: str | Path | None = None) -> Map
     if not path.is_file():
         raise UserError(
             f"There is no mapping file '{path}'.",
-            nearest(path.name, _neighbours(path))
-            + "Give a TOML file or a recording.",
+            nearest(path.name, _neighbours(path)) + "Give a TOML file or a recording.",
         )
     folder = Path(data_folder) if data_folder is not None else path.parent
     if not folder.is_dir():

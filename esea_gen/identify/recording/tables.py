@@ -109,7 +109,7 @@ class Torque(_Table):
     unit: str = Field(description="Unit of the recorded number.")
     sign: Literal[-1, 1, "fit"] = Field(
         default=1,
-        description="-1 turns the recording's direction round; fit: where the stiffness wants it.",
+        description="-1 turns the recording's direction round; fit: as for a positive stiffness.",
     )
     lag_s: Fittable = _limits(
         -1.0,
