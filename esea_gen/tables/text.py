@@ -163,7 +163,7 @@ class TextReader:
             )
         first = max(first, line + 1)
         if first > line + 1:
-            self.left_out.append(f"lines {line + 1} to {first - 1}, as first_data_line says")
+            self.left_out.append(f"lines {line + 1} to {first - 1}, by first_data_line")
         return line, names, first, rows
 
     def _rows(self, delimiter: str, skip: int = 1) -> Iterator[tuple[int, list[str]]]:
