@@ -82,7 +82,7 @@ class _Trend:
         self.keep_effort = math.exp(-self.h / EFFORT_S)
         self.u_lim = drive.u_Nm
         self.name = name
-        self.title = "Wanted torque ahead, from its past"
+        self.title = "Desired torque, extrapolated from its past"
         self.coefficients = (
             Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
             Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
@@ -95,9 +95,9 @@ class _Trend:
         self.equations = equations(EQUATIONS + (ALONG if self.ends_s else ""))
         self.streams = OwnStreams(_events)
         own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
-        sees = "bandwidth without noise: higher sees sooner where it goes"
-        quiet = "noise that halves the bandwidth: lower is calmer, and trusts less"
-        source = "docs/predictive.md"
+        sees = "bandwidth without noise: higher follows changes sooner"
+        quiet = "noise that halves the bandwidth: lower is calmer"
+        source = "docs/trend.md"
         self.tunables = (
             Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
             Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),

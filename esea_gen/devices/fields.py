@@ -30,7 +30,7 @@ LAW_SECTIONS = {"sliding_mode": ("inverse",), "predictive": ()}
 
 
 class Domain(Section):
-    """Where the parameters were identified; outside it the firmware says so and goes on."""
+    """Where the parameters were identified; outside it the firmware sets a flag and continues."""
 
     theta_max_rad: Quantity = number(1e-3, 3.2, "Largest identified |deflection|.")
     omega_max_rad_s: Quantity = number(1e-3, 100, "Largest identified |deflection rate|.")
@@ -61,7 +61,7 @@ class Timing(Section):
 
 
 class Velocity(Section):
-    """Velocity estimate shared by all that need a rate."""
+    """Velocity estimate for every Block that needs a rate."""
 
     bandwidth_Hz: Quantity = number(2, 100, "Bandwidth of the tracking observer's triple pole.")
 
@@ -78,14 +78,13 @@ class EncoderSide(Section):
     zero_rad: Quantity | None = optional(
         -math.pi,
         math.pi,
-        "What a calibration found: corrected angle of the encoder, times direction, where the "
-        "joint stands at 0.  Left out, the encoder is not zeroed, and not usable until a "
-        "calibration sets it.",
+        "Corrected angle of the encoder, times direction, with the joint at 0.  Without the key "
+        "the encoder cannot be used until it is zeroed.",
     )
     step_max_rad: Quantity | None = optional(
         1e-4,
         1.5,
-        "Largest believable |step| between two samples; left out, the joint's speed limit times "
+        "Largest plausible |step| between two samples; left out, the joint's speed limit times "
         "the period, 0.5 deg for noise, and one count.",
     )
     held_max: Quantity | None = optional(
@@ -104,7 +103,7 @@ class EncoderSide(Section):
         -0.09,
         0.09,
         TABLE_SIZES,
-        "What is added to the raw angle, at 4, 8, 16, 32 or 64 equal steps of the encoder's turn "
+        "Correction of the raw angle, at 4, 8, 16, 32 or 64 equal steps of the encoder's turn "
         "from count 0 on.",
     )
     correction_orientation_rad: Quantity | None = optional(
@@ -181,7 +180,7 @@ class Actuator(Section):
 
 
 class Joint(Section):
-    """The joint and what hangs on its load side."""
+    """The joint and its load side."""
 
     Jh_kgm2: Quantity = number(1e-4, 100, "Inertia Jh of load side and limb, eq. 5.3.")
     theta_min_rad: Quantity = number(-6.4, 6.4, "Smallest angle of the joint's range of motion.")
@@ -248,17 +247,17 @@ class Predictive(Section):
     R: Quantity = number(1e-4, 1e4, "Weight of the motor torque's rate, (Nm/s)^-2.")
     future: Literal["given", "extrapolated", "held"] = Field(
         default="extrapolated",
-        description="given: what is wanted at the end of every interval is an input; extrapolated: "
-        "the wanted torque goes on as its past does; held: what is wanted now holds.",
+        description="given: the desired values at the end of every interval are inputs; "
+        "extrapolated: the desired torque follows its trend; held: it stays as it is now.",
     )
     impedance: Literal["one_layer", "cascade"] = Field(
         default="one_layer",
-        description="one_layer: the cost holds the impedance law; cascade: the law sets a torque.",
+        description="one_layer: the cost contains the law; cascade: the law sets a torque.",
     )
     person: Literal["extended_state", "parabola"] = Field(
         default="extended_state",
-        description="Torque of the person ahead: extended-state observer, or as published, the "
-        "observer (5.10) with a parabola through its past and rates from filtered differences.",
+        description="Prediction of the person's torque: extended-state observer, or as published: "
+        "observer (5.10), a parabola through its past, rates from filtered differences.",
     )
     drive: Literal["auto", "rigid", "cable"] = Field(
         default="auto",
@@ -307,7 +306,7 @@ class Redundancy(Section):
         0, 1, "Share of the interaction torque that the elastomer's model may be wrong by."
     )
     inertia_share: Quantity = number(
-        0, 1, "Share of the torque that moved the drive's inertia of late: wrong inertia and lag."
+        0, 1, "Share of the drive's recent inertial torque, for a wrong inertia and lag."
     )
     rate_1_s: Quantity = number(1, 200, "Bandwidth of the observer of the unexplained torque.")
 
@@ -332,10 +331,10 @@ class MotorThermal(Section):
     winding_s: Quantity = number(1, 1e4, "Thermal time constant of the winding.")
     case_s: Quantity = number(100, 1e5, "Thermal time constant of the motor.")
     ambient_C: Quantity = number(-20, 80, "Hottest surroundings.")
-    derate_C: Quantity = number(30, 200, "Winding above which the torque limit falls.")
-    max_C: Quantity = number(40, 220, "Largest of the winding: above it the limits latch.")
+    derate_C: Quantity = number(30, 200, "Winding temperature above which the torque limit falls.")
+    max_C: Quantity = number(40, 220, "Largest winding temperature; above it the limits latch.")
     start_C: Quantity | None = optional(
-        -20, 220, "Both nodes at a start; without the key as hot as they may have become."
+        -20, 220, "Both nodes at a start; without the key the most that they may have reached."
     )
 
 
@@ -348,7 +347,7 @@ class PassiveInteraction(Section):
     )
     least_Nms_rad: Quantity = number(0, 1, "Damping that a hand feels at least.")
     window_s: Quantity = number(1e-2, 10, "Time over which power and speed are averaged.")
-    energy_J: Quantity = number(0.1, 1e3, "Energy that drive and command may hold.")
+    energy_J: Quantity = number(0.1, 1e3, "Energy that drive and command may contain.")
     Kp_max_Nm_rad: Quantity = number(0, 20, "Largest stiffness that is passive; compiled in.")
     Kd_max_Nms_rad: Quantity = number(1e-3, 5, "Largest damping that is passive; compiled in.")
 
@@ -382,13 +381,13 @@ class SimulatedImpairment(Section):
 class Cable(Section):
     """The cable between gear and motor side; its stiffness is the usual one of the redundancy."""
 
-    backlash_rad: Quantity = number(0, 0.2, "Whole gap until it has been learnt.")
-    backlash_most_rad: Quantity = number(1e-3, 0.2, "Largest gap that may be learnt.")
+    backlash_rad: Quantity = number(0, 0.2, "Complete gap at the start.")
+    backlash_most_rad: Quantity = number(1e-3, 0.2, "Largest gap that is learned.")
     loss: Quantity = number(0, 0.5, "Share of the |cable's torque| that its friction takes.")
     contact_Nm: Quantity = number(
         1e-3, 10, "Interaction torque above which the cable is at an end of its gap."
     )
-    rate_1_s: Quantity = number(0, 200, "How fast the ends of the gap are learnt.")
+    rate_1_s: Quantity = number(0, 200, "Rate at which the ends of the gap are learned.")
     drive_1_s: Quantity = number(
         0, 200, "Bandwidth L of the drive's disturbance observer on the motor's own encoder."
     )
@@ -399,7 +398,7 @@ class Fatigue(Section):
 
     range_rad: Quantity = number(1e-3, 6.4, "Range of the deflection, peak to peak, of the test.")
     cycles: Quantity = number(1, 1e12, "Cycles of that range that end its life.")
-    exponent: Quantity = number(1, 20, "Slope: so many powers fewer cycles for a larger range.")
+    exponent: Quantity = number(1, 20, "Exponent of the range in the number of cycles.")
     warn_share: Quantity = number(0.01, 1, "Share of the life, by Miner's sum, that warns.")
 
 
@@ -458,34 +457,32 @@ class DeviceFile(Section):
     impedance: Impedance | None = None
     safety: Safety | None = None
     redundancy: Redundancy | None = table(
-        "Comparison of all encoders and the motor's torque; left out, a joint encoder "
-        "that is wrong but plausible is not found."
+        "Comparison of all encoders and the motor's torque; without it, a joint encoder "
+        "that is wrong but plausible is not detected."
     )
     monitor: Monitor | None = table(
         "Roughness and stuck bits of the joint encoders, and a motor that swings between its "
-        "limits; left out, none of these is found by itself."
+        "limits; without it, none of these is detected."
     )
     motor_thermal: MotorThermal | None = table(
-        "Winding and case of the motor, which limit its torque; left out, nothing limits heating."
+        "Winding and case of the motor, which limit its torque; without it, heating is not limited."
     )
     passivity: PassiveInteraction | None = table(
         "Damping that a law lacks, and a bound of the energy that the drive gives; "
-        "left out, a law may swing a limp hand up."
+        "without it, a law may swing a limp hand up."
     )
     impairment: SimulatedImpairment | None = table(
-        "Simulated impairment of every axis of a device that measures: torque that it "
-        "wants on the joint, from an encoder there; nothing acts until the parameter asks for it."
+        "Simulated impairment of every axis: desired torque on the joint, from an encoder "
+        "there; off until its parameter is set."
     )
-    cable: Cable | None = table(
-        "The cable, for predictive control that knows it by the motor's own encoder."
-    )
+    cable: Cable | None = table("The cable, for predictive control with the motor's own encoder.")
     fatigue: Fatigue | None = table(
-        "What ends the coupling's life, from a test of such couplings; left out, the "
-        "share of its life that is used is not known."
+        "Fatigue curve of the coupling, from tests; without it, the used share of its life "
+        "is not known."
     )
     adaptation: Adaptation | None = table(
-        "Adaptation of the wish to the rubber at hand, by two known masses; left "
-        "out, a rubber that is off is not noticed."
+        "Adaptation of the desired torque to the rubber, by two known masses; without "
+        "it, a wrong rubber is not detected."
     )
 
 

@@ -59,7 +59,7 @@ class FamilyTerm(Section):
     weight_Nm: Quantity = number(-2000, 2000, "Weight w; 0 or above, but for an offset.")
     rise: Literal["x", "x^3", "x^5", "bend"] = Field(
         default="x",
-        description="What drives it, x being the deflection over scale_rad; bend: x/(1+|x|/bend).",
+        description="Function of x, the deflection over scale_rad; bend: x/(1+|x|/bend).",
     )
     bend: Quantity | None = optional(1e-3, 100, "Where rise 'bend' bends, in x.")
     side: Literal["both", "positive", "negative"] = Field(

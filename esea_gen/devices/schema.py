@@ -15,14 +15,14 @@ def json_schema() -> dict[str, Any]:
     content = DeviceFile.model_json_schema(by_alias=True)
     content = _inlined("", content, content.pop("$defs"))
     extends, controller = (
-        {"type": "string", "enum": sorted(known), "description": f"Shipped {text} gives none."}
+        {"type": "string", "enum": sorted(known), "description": f"Shipped {text} missing here."}
         for known, text in (
-            (shipped_devices(), "device whose numbers hold where this file"),
-            (shipped_controllers(), "controller whose laws and sections hold where this file"),
+            (shipped_devices(), "device that supplies the numbers"),
+            (shipped_controllers(), "controller that supplies the laws and sections"),
         )
     )
     needed = _required(content)
-    about = "Numbers that this file does not give are scaled from the base's to those it gives."
+    about = "Scale the base's other numbers to those in this file."
     head = {"extends": extends, "controller": controller}
     head |= {"scaled": {"type": "boolean", "description": about}}
     content["properties"] = head | content["properties"]

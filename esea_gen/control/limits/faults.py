@@ -34,7 +34,7 @@ class Fault(IntEnum):
 
 SAME = "the same step"
 # What happened, what the person at the machine should do, and how long it may take from the
-# measurement, as the limits get it, to a motor command of zero; docs/limits.md tells how.
+# measurement, as the limits get it, to a motor command of zero; docs/limits.md describes how.
 FAULTS = {
     Fault.NONE: ("released", "nothing to do", ""),
     Fault.NOT_ARMED: (
@@ -43,92 +43,90 @@ FAULTS = {
         "from the first step on",
     ),
     Fault.STATE_CORRUPT: (
-        "the memory of the limits was corrupt",
-        "rearm; if it comes again, memory or stack is at fault: service",
+        "the limits' memory was corrupt",
+        "rearm; if it recurs, service: memory or stack is faulty",
         SAME,
     ),
     Fault.TUNABLE_INVALID: (
-        "a limit was not within its compiled bounds, or the range of motion was turned round",
-        "prepare the coefficients again from params that are in range",
+        "a limit was outside its compiled bounds, or the range of motion was reversed",
+        "prepare the coefficients again, with parameters in range",
         SAME,
     ),
-    Fault.STOP: ("stop was requested", "take back every stop, then rearm", SAME),
+    Fault.STOP: ("stop was requested", "release every stop, then rearm", SAME),
     Fault.INPUT_INVALID: (
-        "an input was NaN, outside its physical range or not a whole number, or what was wanted "
-        "was",
-        "give finite inputs within their ranges; look at the status words of the Blocks before",
+        "an input or desired value was NaN, outside its physical range or not a whole number",
+        "give finite inputs within their ranges; check the status words of the Blocks before",
         SAME,
     ),
     Fault.SENSING: (
-        "the sensing task could not vouch for its measurements",
-        "look at the status words: an encoder's wiring, magnet, zero; where they say CONTRADICTED, "
-        "also whether the motor's amplifier is off or has tripped, or an obstacle blocks the drive",
-        "the same step; what only contradicts, as the page on limits tells",
+        "the measurements could not be used",
+        "check the status words: an encoder's wiring, magnet, zero; with CONTRADICTED also "
+        "whether the motor's amplifier is off or has tripped, or an obstacle blocks the drive",
+        "the same step; a contradiction: see the page on monitors",
     ),
     Fault.CONTROL_STALE: (
         "the control task delivered no new command",
-        "see that the control task runs and gives finite commands",
+        "check that the control task runs and gives finite commands",
         "5 control periods after the last new command",
     ),
     Fault.DEFLECTION: (
         "the coupling was deflected too far",
-        "unload the coupling; look for a blocked joint or a slipped encoder",
+        "unload the coupling; check for a blocked joint or a slipped encoder",
         SAME,
     ),
     Fault.TORQUE: (
         "the interaction torque was too large",
-        "unload the joint; a smaller wanted torque",
+        "unload the joint; reduce the desired torque",
         SAME,
     ),
     Fault.SPEED: (
-        "joint or drive were too fast",
-        "let the joint come to rest; a slower movement or smaller gains",
+        "joint or drive was too fast",
+        "let the joint come to rest; move slower or reduce the gains",
         SAME,
     ),
     Fault.RANGE_OF_MOTION: (
-        "the joint was beyond its range of motion and the margin",
+        "the joint was beyond its range of motion and margin",
         "move the joint back by hand",
         SAME,
     ),
     Fault.ENERGY: (
         "too much energy was given to the limb within the window",
-        "wait until the window has forgotten; slower or weaker movement",
+        "wait until the window is empty; move slower or with less torque",
         SAME,
     ),
     Fault.CLOCK: (
-        "base ticks were lost, repeated or went backward, or an old state was put back",
-        "call release once for every base tick, in order; resume a state that was put back",
+        "base ticks were lost, repeated or backward, or an old state was restored",
+        "call release once for every base tick, in order; call resume after restoring a state",
         SAME,
     ),
     Fault.LATE: (
         "too many runs of a task ended after the tick at which they are released",
-        "free time for the late task: see the watch's counters",
+        "reduce the load of the late task: see the watch's counters",
         "the twelfth late run in a row",
     ),
     Fault.COEFFICIENTS: (
         "the coefficients are not those that were prepared, or no control run has checked them yet",
-        "run the control task; if it stays, prepare again: memory was overwritten",
+        "run the control task; if the fault stays, prepare again: memory was overwritten",
         "the next control run and its release",
     ),
     Fault.SWINGS: (
-        "the command swung from one limit of the motor to the other, again and again, and the "
-        "torque was not the set one",
-        "look for a loose encoder or cable, an encoder's noise; then smaller gains",
+        "the command swung repeatedly between the motor's limits, and the torque was wrong",
+        "check for a loose encoder or cable and encoder noise; then reduce the gains",
         "1 s of full swings at 20 Hz, or 3 s at 13 Hz",
     ),
     Fault.ROUGH: (
-        "an encoder's angle was rougher than a sound encoder's noise",
-        "the monitor's status word says which: its cable, shield, supply, magnet",
-        "0.1 s of white noise of four times a sound encoder's",
+        "an encoder's noise was above that of a sound encoder",
+        "check the cable, shield, supply and magnet of the encoder in the monitor's status word",
+        "0.1 s of white noise, four times a sound encoder's",
     ),
     Fault.STUCK_BIT: (
         "a bit of a joint encoder's count did not change while the joint moved",
-        "the monitor's status word says which side: its wiring, then the encoder",
+        "check the wiring, then the encoder, of the side in the monitor's status word",
         "a slow motion of twice the bit's weight, or 32 times the noise if that is more",
     ),
     Fault.MOTOR_HOT: (
-        "the motor's winding is hotter than it may become",
-        "wait until it has cooled; less torque or longer rests",
+        "the motor's winding is too hot",
+        "let it cool; reduce the torque or rest longer",
         "the next control run and its release",
     ),
 }

@@ -399,12 +399,12 @@ class ConnectedDevice:
             self.session.arm()
 
     def disarm(self) -> None:
-        """Switch the motor off, gently where it holds torque."""
+        """Switch the motor off; torque fades first."""
         with self._ask():
             self.session.disarm()
 
     def clear(self) -> None:
-        """Say that a fault has been seen to."""
+        """Acknowledge a fault."""
         with self._ask():
             self.session.clear()
 
