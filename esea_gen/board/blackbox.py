@@ -1,4 +1,4 @@
-"""Records of the board's black box (``firmware/app/blackbox.h``): their size, and what they say."""
+"""Records of the board's black box (``firmware/app/blackbox.h``): size and contents."""
 
 from __future__ import annotations
 

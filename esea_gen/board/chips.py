@@ -1,4 +1,4 @@
-"""Chips on a board's buses, modelled by what their data sheets say of registers and frames."""
+"""Models of the chips on a board's buses, by the registers and frames of their data sheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hand-written drivers on models of their chips: what they read, and what breaks there."""
+"""Runs the hand-written drivers on models of their chips, with faults."""
 
 from __future__ import annotations
 

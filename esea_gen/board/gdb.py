@@ -1,4 +1,4 @@
-"""An emulated processor that is held and looked into: breakpoints, registers, memory."""
+"""Debugger client for the emulated processor: breakpoints, registers, memory."""
 
 from __future__ import annotations
 

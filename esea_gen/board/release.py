@@ -1,4 +1,4 @@
-"""When a device's control task has surely ended on a board, and its command may be released."""
+"""Latest end of a device's control task on a board, after which its command may be released."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a command shows and writes."""
+"""Output of commands: tables, JSON, figures."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def show(
     passed: bool = True,
 ) -> None:
     """Print a result's table, write it as JSON of the schema `what`, draw it; exit 1 if failed."""
-    # The table first: it is there whatever becomes of the file.
+    # The table first, in case writing the file fails.
     out.lines(result.table())
     write_json(json_file, what, result.to_dict() if hasattr(result, "to_dict") else plain(result))
     if figure is not None:

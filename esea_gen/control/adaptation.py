@@ -1,4 +1,4 @@
-"""Adaptation of the wish to the rubber at hand, by numbers that commissioning identifies.
+"""Adaptation of the desired torque to the rubber, by numbers that commissioning identifies.
 
 A rubber softer than its model gives less torque than the sensor shows.  Gain, loss and offset of
 the wish stand outside every loop.

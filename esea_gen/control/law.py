@@ -1,4 +1,4 @@
-"""What a control law is: the Blocks that it adds to those every law stands on, and their wires.
+"""Definition of a control law: its Blocks beside the common ones, and their wires.
 
 A law is one file.  The shipped ones stand in ``control/laws`` and are found there by themselves;
 one from outside the package is named ``FILE.py:law`` wherever a law's name is taken.

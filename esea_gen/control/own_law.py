@@ -1,4 +1,4 @@
-"""Laws from files outside the package: loaded, trusted, and what is wrong in them, line by line."""
+"""Laws from files outside the package: loading, trust, and errors with their line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Passivity of what a hand meets, whatever the law.
+"""Added damping and bounded energy, for every law.
 
 A law that swings a limb up gives a little energy in every period: the mean power of its error is
 measured, as a damping, and what is missing is added to what is wanted.  A law that runs away gives

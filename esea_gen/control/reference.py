@@ -1,4 +1,4 @@
-"""From what is wanted to the set torque."""
+"""Set torque from desired torque and impedance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Blocks that also give out what they read or make anyway, for a law that needs to know it."""
+"""Blocks with additional outputs of internal values, for laws that need them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the wanted torque is going: along a horizon, from its own past alone."""
+"""Extrapolation of the desired torque over a horizon, from its past."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gains that a device took over from a shipped one, and what those were designed for.
+"""Check of gains taken over from a shipped device against the values they were designed for.
 
 A gain that stands in a device file as it does in a shipped one, source and all, is that one's:
 extended, copied, or of a controller.  Where rate, stiffness or inertia are others, it is told.

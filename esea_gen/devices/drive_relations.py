@@ -1,4 +1,4 @@
-"""Relations of drive, coupling, limits and rates: what cannot be, and what is unwise."""
+"""Relations of drive, coupling, limits and rates: errors and warnings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the sections of a device file are made of: numbers with their provenance."""
+"""Numbers with provenance, the elements of a device file's sections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write, and check, the output folder of a device: files, manifest, whole or not at all."""
+"""Write and check the output folder of a device: files and manifest, complete or not at all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Comparisons by which a step holds its own arguments against their ports' ranges."""
+"""Comparisons by which a step checks its arguments against their ports' ranges."""
 
 from __future__ import annotations
 

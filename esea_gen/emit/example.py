@@ -1,4 +1,4 @@
-"""What the example program of a System does, and what it must give, by the symbolic System.
+"""Example program of a System, and its expected output from the symbolic System.
 
 A System without a drive is given a triangle on one input.  A System with a drive is given a short
 recording of its encoders; its latch is armed, torque control runs, and then the latch is tried.

@@ -1,4 +1,4 @@
-"""Who gives a System's inputs on a board, and what the board itself looks at."""
+"""Sources of a System's inputs on a board, and signals that the board itself uses."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def _encoders(system: System, task: Task) -> Iterator[ZeroedEncoder]:
 
 
 def _told(system: System, theta: Any, outputs: Mapping[Signal, External]) -> Any:
-    # A deflection that is smoothed on its way is not told: the one it is made from is.
+    # Report the raw deflection, not the smoothed one.
     while isinstance(theta, Signal) and theta not in outputs:
         sink = Signal(theta.instance, "theta_rad")
         if sink.port not in (p.name for p in system.blocks[sink.instance].inputs):

@@ -1,4 +1,4 @@
-"""States of the board, what moves it between them, and its own faults: ``states.toml``."""
+"""States, transitions and faults of the board, from ``states.toml``."""
 
 from __future__ import annotations
 

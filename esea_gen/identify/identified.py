@@ -1,4 +1,4 @@
-"""What every identification gives: a device, its errors, its file.
+"""Result of an identification: a device, its errors, its file.
 
 The gate: what recordings must be free of before a device's torque model is called ``identified``.
 """

@@ -1,4 +1,4 @@
-"""What the reader of an identification must know."""
+"""Notes for the reader of an identification."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What everything speaks: ports, Blocks, Programs, Systems.  It imports nothing of ours."""
+"""Ports, Blocks, Programs, Systems.  Imports nothing else of this package."""

@@ -1,4 +1,4 @@
-"""What writes the body of a Program: arrays, kernels called on them, loops and conditions."""
+"""Writer of a Program's body: arrays, kernels called on them, loops and conditions."""
 
 from __future__ import annotations
 

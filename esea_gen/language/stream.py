@@ -1,4 +1,4 @@
-"""Streams: what a Block is tried with, and what it brings along to be tried with.
+"""Test streams of a Block: common ones, and its own.
 
 Random inputs open no latch and make no encoder slip.  What needs inputs that fit together over many
 steps, a Block says itself: ``Block.define(..., streams=OwnStreams(events=...))``.  All numbers come

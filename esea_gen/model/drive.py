@@ -1,4 +1,4 @@
-"""The nominal drive as numbers: what recordings move that no plant answers to."""
+"""Nominal drive as numbers, for open-loop recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything known of a device, on one page: what it computes, how well, how it was checked."""
+"""Report of a device on one page: results, accuracy, checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is found of a device: all that the sections of its page draw on."""
+"""Results for the sections of a device's report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A study run again and again with the world off in one way each time: one table, one picture."""
+"""Robustness table: one model mismatch per run, with its picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one closed-loop run is of: a case, and the setting that it runs in."""
+"""A case of a closed-loop run, and its setting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hands between two drives: who they are.
+"""Simulated hands between two drives.
 
 Every number is assumed; what is published gives the order and the shape:
 

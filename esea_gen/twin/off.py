@@ -1,4 +1,4 @@
-"""When the world is off: virtual exoskeletons that are not what the controller was built from.
+"""Model mismatch: virtual exoskeletons that differ from the controller's model.
 
 Each family has one thing off, and is otherwise the plant that was asked for; its numbers are in
 ``plants.toml``.  Friction, inertia and lag are scaled from the device file's, which is what a

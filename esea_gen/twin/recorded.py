@@ -1,4 +1,4 @@
-"""What a drive's tasks are given in use: the tuning case, recorded in closed loop.
+"""Inputs of a drive's tasks, recorded in the closed-loop tuning case.
 
 Checks, benchmarks and emulator run on it: 1.7 Nm at 0.6 Hz against the real plant, output fixed.
 """

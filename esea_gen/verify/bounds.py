@@ -1,4 +1,4 @@
-"""What a Block's float32 is held to: full scales, derived bounds, the limit of its residual."""
+"""Limits of a Block's float32: full scales, derived bounds, the limit of its residual."""
 
 from __future__ import annotations
 

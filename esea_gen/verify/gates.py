@@ -1,4 +1,4 @@
-"""What the compiler made of the C: no double in f32, no libm, no heap, a bounded stack.
+"""Object-code inspection: no double in f32, no libm, no heap, a bounded stack.
 
 On the host the emitted example program is run too: it must compare, and agree.
 """

@@ -1,4 +1,4 @@
-"""A Block with another memory: for comparisons bit by bit, beside its ordinary streams.
+"""Streams with altered states and coefficients, compared bit by bit.
 
 Operands far apart tell nothing of a threshold. From states that the Block has been in, one input or
 state is moved until both meet, or are one unit in the last place apart; kept is what shows when the

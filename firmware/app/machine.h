@@ -6,8 +6,8 @@
 
 #include "states.h"
 
-/* Follows an event.  False when it is refused; the state then stays.  A state that is none of the
- * list becomes FAULT. */
+/* Take an event.  Return false if it is refused; the state then stays.  An unknown state becomes
+ * FAULT. */
 bool esea_machine_take(ESEA_STATE *state, ESEA_EVENT event, const esea_guards_t *guards);
 
 #endif

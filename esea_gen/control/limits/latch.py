@@ -1,4 +1,4 @@
-"""The law of the limits: whom to believe, what forbids a command, the latch, the command itself."""
+"""Equations of the limits: input checks, causes of a trip, the latch, the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether joint encoders and motor behave as sound ones do, each looked at by itself.
+"""Monitor of noise, stuck bits and swings, for each encoder and the motor separately.
 
 A sound angle is smooth but for the encoder's noise, each low bit of its count changes while the
 joint moves, and a motor does not swing from one of its limits to the other all the time.

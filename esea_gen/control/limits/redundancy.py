@@ -1,4 +1,4 @@
-"""Redundancy of what is measured: encoders and motor torque must not contradict one another.
+"""Comparison of encoders and motor torque, which must not contradict one another.
 
 The motor's own encoder, through the cable, is compared with the motor-side one; the torque that the
 coupling shows with what the motor must be giving, which finds a wrong load-side encoder.

@@ -1,4 +1,4 @@
-"""What the limits need of a device file, and what must hold between its numbers."""
+"""Numbers of the limits in a device file, and relations between them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the limits are tried with: every fault and its release, requests, corrupt memory."""
+"""Test streams of the limits: every fault and its release, requests, corrupt memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What predictive control follows, for the end of every interval of its horizon."""
+"""Desired values of predictive control at the end of every interval of its horizon."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sliding mode inside its layer as a linear sampled loop: whether gains can be stable at all.
+"""Stability of sliding mode inside its boundary layer, as a linear sampled loop.
 
 Moving and with the output fixed, every part of the loop is linear: drive and coupling (5.1, 5.2),
 Butterworth filter, disturbance observer (5.5), law, lead, period and release of the control task.

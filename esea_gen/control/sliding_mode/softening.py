@@ -1,4 +1,4 @@
-"""Softer gains of a law while its error swings: of a drive lighter or later than its model.
+"""Lower gains while the error swings, for a drive lighter or slower than its model.
 
 With such gains at all times the drive that the model knows would be followed less well, and a limp
 hand would be left moving.

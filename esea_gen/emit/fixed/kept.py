@@ -1,4 +1,4 @@
-"""What the search for a plan chose, kept on disk: lowering again takes a fiftieth of the search.
+"""Stored results of the plan search: lowering from them takes a fiftieth of the time.
 
 Kept is the choice alone, which values are wide and why.  The plan is lowered from it anew, and its
 bound derived anew, so that no entry can make a plan that does not hold.

@@ -1,4 +1,4 @@
-"""What a number format says of itself: all that rendering, loading and running C ask it for."""
+"""Interface of a number format for rendering, loading and running C."""
 
 from __future__ import annotations
 

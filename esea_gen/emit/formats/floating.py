@@ -57,7 +57,7 @@ class FloatingFormat(Format):
 
     @abstractmethod
     def _call(self, node: Node, args: Sequence[str], kernel: Kernel) -> str | None:
-        """C expression of an elementary function; None for what is none."""
+        """C expression of an elementary function; None for another node."""
 
     def literal(self, value: float) -> str:
         if not np.isfinite(value):

@@ -22,7 +22,7 @@ def updated_name(device: Device) -> str:
 def _quantity(e: Estimate, source: str, key: str) -> Quantity:
     facts = field_facts(f"actuator.{key}")
     value = float(f"{e.value:.6g}")
-    # A gap or a ripple that is none is found a little to either side of 0.
+    # An estimate of a missing gap or ripple scatters about 0.
     value = 0.0 if e.low <= 0 <= e.high and facts["low"] == 0 else value
     if not facts["low"] <= value <= facts["high"]:
         raise UserError(

@@ -1,4 +1,4 @@
-"""What is wrong with a recording although every cell of it is a number.
+"""Defects of a recording whose cells are all numbers.
 
 A recording that a rig spoilt still fits: spikes raise full scale, a drop-out is filled in, a force
 that stands still pulls the loops flat.  Such samples are masked: they neither train nor judge, and
@@ -28,7 +28,7 @@ SPIKE_WIDTH, SPIKE_SHARE, TURN_FACTOR = 3, 0.08, 5.0
 # A wider one: at most this share of a cycle, and off by so many times what the mean stiffness makes
 # of all that the deflection moves meanwhile, and the noise.  Widths tried grow by this factor.
 SPIKE_CYCLE, MOVED_FACTOR, NOISE_FACTOR, WIDER = 0.1, 2.0, 6.0, 1.4
-# Of more half cycles than this none is so many times stiffer than the median one.
+# Above this count, a half cycle this much stiffer than the median is a spike.
 LEAST_SPANS, STIFFER = 6, 2.0
 SKIRT = 0.125  # of what is allowed: to there a wide spike is masked
 TURNED_BACK = 0.05  # of its range: by so much a deflection turns

@@ -1,4 +1,4 @@
-"""How far parameters and torque may be off, from what the fit says when parts are left out.
+"""Uncertainty of parameters and torque, from fits with parts left out.
 
 A covariance from the Jacobian takes every sample for independent: with slow noise it is far too
 narrow, and of friction that the model has no term for it knows nothing.  Here whole blocks are left

@@ -1,1 +1,1 @@
-"""The fault campaign: what a person at the drive feels when something breaks."""
+"""The fault campaign: load on the person when a part fails."""

@@ -1,4 +1,4 @@
-"""What is promised of a fault on the board: when it is found, and what the limb may feel."""
+"""Guarantees for a fault on the board: detection time, and load on the limb."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ LATENCY_S = 0.06
 
 
 def check_body(height_m: float, mass_kg: float) -> None:
-    """Refuse a body that is none."""
+    """Reject an implausible height or mass."""
     if not (1.0 <= height_m <= 2.3 and 15 <= mass_kg <= 250):
         raise UserError(
             f"body: height {height_m:g} m, mass {mass_kg:g} kg.",

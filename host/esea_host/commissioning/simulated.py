@@ -1,4 +1,4 @@
-"""Hands without a person: what is asked is done to the virtual exoskeleton."""
+"""Simulated hands that carry out the steps on the virtual exoskeleton."""
 
 from __future__ import annotations
 

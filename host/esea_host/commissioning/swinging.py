@@ -1,4 +1,4 @@
-"""Gain, loss and offset of the wish, from two known masses that the drive swings.
+"""Gain, loss and offset of the adaptation, from two known masses that the drive swings.
 
 One least squares takes both swings, so that what was stated wrongly has a term of its own: a weight
 that both have in common, a tilt, a damping.  The motor's torque is compared separately.

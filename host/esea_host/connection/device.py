@@ -1,4 +1,4 @@
-"""A connected board: what a program, a window or a command line holds in its hand."""
+"""A connected board, for programs, windows and commands."""
 
 from __future__ import annotations
 

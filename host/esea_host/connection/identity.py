@@ -1,4 +1,4 @@
-"""Who is at the other end, and whether we speak the same language."""
+"""Identity of the connected board, and whether its C matches this version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording in a board's place, as fast or slow as somebody likes."""
+"""A recording played in place of a board, at any speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Listening: one thread reads, decodes and hands out, and waits for nobody.
+"""Receiver thread: reads, decodes and distributes without waiting for readers.
 
 Who wants rows has a queue of its own with a bound; a queue that is full loses what comes, and says
 so.  Whatever is missing becomes a :class:`Gap`, with the reason that the counters give.

@@ -1,4 +1,4 @@
-"""The cross-over analysed: which element is smoother, how surely, and what could have been seen."""
+"""Analysis of the cross-over: effects, intervals, detectable differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exit survey: first device against second, said again as spring against elastomer.
+"""The exit survey: first device against second, converted to spring against elastomer.
 
 Columns of the CSV: participant, group, comfort, naturalness, control, effort; an answer is a number
 from -2 to 2, or its words ("much less" ... "much more") in a language that has texts.

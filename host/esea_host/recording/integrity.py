@@ -1,4 +1,4 @@
-"""Whether a recording is all that was recorded, and what is missing of it."""
+"""Completeness of a recording, and its gaps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether an MCAP file is all that was written, and the messages in it.
+"""Reads an MCAP file: completeness and messages.
 
 The index at a file's end is never trusted: it only says what should be there.
 """

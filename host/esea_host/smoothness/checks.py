@@ -1,4 +1,4 @@
-"""What has no answer is refused before anything is computed."""
+"""Rejects inputs without a defined result before anything is computed."""
 
 from __future__ import annotations
 

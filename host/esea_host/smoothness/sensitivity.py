@@ -1,4 +1,4 @@
-"""How much of a number is the signal's, and how much the settings'."""
+"""Sensitivity of a metric to its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spectral arc length: how wrinkled the magnitude spectrum of the speed is."""
+"""Spectral arc length of the speed's magnitude spectrum."""
 
 from __future__ import annotations
 

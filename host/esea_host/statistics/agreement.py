@@ -1,4 +1,4 @@
-"""Do two people who code the same comments agree."""
+"""Agreement of two coders of the same comments."""
 
 from __future__ import annotations
 

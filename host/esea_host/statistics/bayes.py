@@ -1,4 +1,4 @@
-"""What a paired comparison lets one believe, where p says only that nothing was shown."""
+"""Bayes factor of a paired comparison, for evidence of no difference."""
 
 from __future__ import annotations
 

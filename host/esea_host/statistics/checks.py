@@ -1,4 +1,4 @@
-"""What cannot be tested is refused."""
+"""Rejects data that cannot be tested."""
 
 from __future__ import annotations
 

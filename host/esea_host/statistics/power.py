@@ -1,4 +1,4 @@
-"""How large a difference a number of people can show, and how many a difference needs."""
+"""Detectable difference for a number of people, and people needed for a difference."""
 
 from __future__ import annotations
 

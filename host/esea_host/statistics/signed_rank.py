@@ -1,4 +1,4 @@
-"""Wilcoxon's signed-rank test, with what it leaves unsaid: effect, interval, ties, zeros."""
+"""Wilcoxon's signed-rank test, with effect, interval, ties and zeros."""
 
 from __future__ import annotations
 

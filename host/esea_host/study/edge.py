@@ -1,4 +1,4 @@
-"""The engine's edge to a task's own code: a fault of it fails its trial, and no more."""
+"""Boundary to a task's own code: its exceptions fail only the trial."""
 
 from __future__ import annotations
 

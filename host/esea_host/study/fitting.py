@@ -1,4 +1,4 @@
-"""What tasks need, found on a device by axis and name; what it lacks, in words."""
+"""Signals that tasks need, matched to a device by axis and name; missing ones are reported."""
 
 from __future__ import annotations
 

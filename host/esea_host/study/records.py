@@ -1,4 +1,4 @@
-"""What an entry of a study's audit trail must hold, and what the program was that wrote it."""
+"""Required contents of an entry of the audit trail, with the version of the program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a session's inputs come from, and who looks on while it runs."""
+"""Sources of a session's inputs, and its observers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A task is to a person what a Block is to the board: a pure step.
+"""A study's task: a pure step, as a Block is for the board.
 
 It has no clock, no window, no file and no random numbers but those of the seed that it is given, so
 a log of what went in replays to the same scenes.  Every task can be simulated.

@@ -1,4 +1,4 @@
-"""The clinician's window: what would tell most now, what is known, and what the clinician says."""
+"""The clinician's window: proposed movement, probabilities, the clinician's answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a live view shows, gathered beside it: rows, state, fault, health.  No window needed."""
+"""Data of a live view: rows, state, fault, health.  No window needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What numbers of a board mean, in words: flags of limits, faults and their cure, states."""
+"""Texts for a board's numbers: flags of limits, faults and remedies, states."""
 
 from __future__ import annotations
 

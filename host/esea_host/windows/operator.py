@@ -1,4 +1,4 @@
-"""Somebody who operates a board while one looks on: asks it for what is wanted."""
+"""Operator of a board behind a window: sends its requests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Virtual normalisation: what a constrained wrist does is shown as the healthy one would do it.
+"""Virtual normalisation: maps a constrained wrist's motion to the healthy one's.
 
 Speeds at nodes of the workspace, healthy and constrained, give a scaling factor over the angle; its
 integral is the cursor's position: one smooth lookup that cannot drift.  Angles in degrees, as

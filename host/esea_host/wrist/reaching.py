@@ -1,4 +1,4 @@
-"""The motor-learning task's numbers on reaching to targets that stand, from any recording.
+"""The motor-learning task's measures on reaching to fixed targets, from any recording.
 
 What fits: whether a target was reached and held, how long that took, the squared error on the way,
 how far beyond the target the hand went, speed, smoothness.  What does not: nothing is replayed that

@@ -1,4 +1,4 @@
-"""Which conclusions of the wrist study hang on which number of the model of people.  Simulated.
+"""Sensitivity of the wrist study's conclusions to the model of people.  Simulated.
 
 The study is run again with one number of :class:`~esea_host.people.person.PersonModel` at either
 end of its range, the same people otherwise: same seed, same order of trials.

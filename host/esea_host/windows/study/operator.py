@@ -1,4 +1,4 @@
-"""What the operator holds: where the session is, what comes, what the device does, and the stop."""
+"""The operator's window: progress, next trials, device, STOP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the participant sees: the scene, and nothing else."""
+"""The participant's window: the scene only."""
 
 from __future__ import annotations
 
