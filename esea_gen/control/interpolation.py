@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.reference import IMPEDANCE
+from esea_gen.control.mode import Mode
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
@@ -56,7 +56,7 @@ class _Interpolation:
             )
 
         self.state = (
-            Port.count("mode_last", IMPEDANCE, "mode of the last step"),
+            Port.choice("mode_last", Mode, "mode of the last step"),
             *desired("last", "as received: desired "),
             *desired("now", "interpolated: desired "),
             Port("age", 0.0, self.most, "periods since the last change", init=self.most),
@@ -64,7 +64,7 @@ class _Interpolation:
             Port("left", 1.0, self.most, "periods until the ramp ends", init=1.0),
         )
         self.inputs = (
-            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "wanted mode"),
             *desired("desired", "desired "),
         )
         self.outputs = (

@@ -14,7 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.reference import IMPEDANCE, OFF, largest_gains
+from esea_gen.control.mode import Mode
+from esea_gen.control.reference import largest_gains
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import (
@@ -163,7 +164,7 @@ class _Passivity:
 
     def _ends(self) -> None:
         self.inputs = (
-            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "mode that holds"),
             Port.flag("sensing_ok", "1 while the measurements are good"),
             Port.flag("request_ok", "1 while what is wanted is sound"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
@@ -179,7 +180,7 @@ class _Passivity:
         self.outputs = (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
-            Port.count("mode_ahead", 2, "mode; 2 while the set torque follows the limb's motion"),
+            Port.choice("mode_ahead", Mode, "2 while the set torque follows the limb's motion"),
             Port.flag("request_ok", "that of the input, and 0 with a corrupt state or tunable"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
             Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
@@ -206,9 +207,9 @@ class _Passivity:
         c = SimpleNamespace(
             **{n: ca.if_else(ok, getattr(c, n), strictest[n]) for n, ok in whole.items()}
         )
-        on = label("on", ca.logic_and(seen, u.mode > 0.5), "a law acts")
-        kp = label("stiffness_Nm_rad", ca.if_else(u.mode > 1.5, u.Kp_Nm_rad, 0.0))
-        kd = label("wanted_Nms_rad", ca.if_else(u.mode > 1.5, u.Kd_Nms_rad, 0.0))
+        on = label("on", ca.logic_and(seen, u.mode != Mode.OFF), "a law acts")
+        kp = label("stiffness_Nm_rad", ca.if_else(u.mode == Mode.IMPEDANCE, u.Kp_Nm_rad, 0.0))
+        kd = label("wanted_Nms_rad", ca.if_else(u.mode == Mode.IMPEDANCE, u.Kd_Nms_rad, 0.0))
         now = SimpleNamespace(going=going, on=on, kp=kp, kd=kd)
         damped, told = self._damping(c, s, u, now, label)
         held, gated = self._gate(c, s, u, SimpleNamespace(going=going, seen=seen), label)
@@ -273,7 +274,7 @@ class _Passivity:
         added = ca.if_else(now.on, b * fade.pop("share", 1.0), 0.0)
         limit = self.tau_set_lim
         tau_set = clip(u.tau_set_Nm - added * u.omega_load_rad_s, -limit, limit)
-        ahead = ca.logic_and(u.mode < 1.5, N > MOVES_RAD_S**2)
+        ahead = ca.logic_and(u.mode != Mode.IMPEDANCE, N > MOVES_RAD_S**2)
         next_state = {
             "power_W": P,
             "square_rad2_s2": ca.fmax(N, 0.0),
@@ -285,7 +286,7 @@ class _Passivity:
         told = {
             "tau_set_Nm": tau_set,
             "damping_Nms_rad": added,
-            "mode_ahead": ca.if_else(now.on, ca.if_else(ahead, IMPEDANCE, u.mode), OFF),
+            "mode_ahead": ca.if_else(now.on, ca.if_else(ahead, Mode.IMPEDANCE, u.mode), Mode.OFF),
         }
         return next_state, told
 

@@ -10,6 +10,7 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
+from esea_gen.control.mode import Mode
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -25,8 +26,6 @@ from esea_gen.language.ports import (
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
-
-OFF, TORQUE, IMPEDANCE = 0.0, 1.0, 2.0
 
 KP, KD = sp.symbols("K_p K_d", nonnegative=True)
 THETA_D, OMEGA_D, THETA_L, OMEGA_L, TAU_D = sp.symbols(
@@ -104,7 +103,7 @@ class _Reference:
         text = "from the law to where the torque was; impedance: "
         text += "the law of the mode that was left does not count"
         self.state = (
-            Port.count("mode_last", IMPEDANCE, "mode of the last step"),
+            Port.choice("mode_last", Mode, "mode of the last step"),
             around("offset_Nm", self.widest, text),
             around("tau_set_Nm", self.full_scale, "set torque of the last step"),
         )
@@ -131,7 +130,7 @@ class _Reference:
         )
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
-            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "wanted mode"),
             around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
             Port("theta_desired_rad", low, high, "wanted angle of the joint"),
             around("omega_desired_rad_s", self.omega_lim, "wanted rate of the joint"),
@@ -147,7 +146,7 @@ class _Reference:
             around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
             around("tau_hold_Nm", self.wish_lim, "desired torque that alone gives the set torque"),
             around("tau_blend_Nm", self.wish_lim, "that of it which the fading offset is worth"),
-            Port.count("mode", IMPEDANCE, "mode that holds in this step"),
+            Port.choice("mode", Mode, "mode that holds in this step"),
             Port.flag("request_ok", "1 while every input and the memory are sound"),
             status_port(
                 "what is known of this set torque",
@@ -170,7 +169,7 @@ class _Reference:
         sound = ca.logic_and(ca.logic_and(guard.inputs_ok, guard.state_ok), u.wish_ok)
         if self.impaired:
             sound = ca.logic_and(sound, u.impairment_ok)
-        mode = label("mode_taken", ca.if_else(sound, u.mode, OFF), "0 off, 1 torque, 2 impedance")
+        mode = label("mode_taken", ca.if_else(sound, u.mode, Mode.OFF), "off when not sound")
         tau_d = u.tau_desired_Nm
         if self.adapted:
             tau_d = clip(tau_d * u.wish_gain + u.wish_shift_Nm, -self.tau_lim, self.tau_lim)
@@ -180,8 +179,8 @@ class _Reference:
             tau_d = label("tau_impaired_Nm", total, "(7.1) the impairment on top")
         values = {
             TAU_D: tau_d,
-            KP: ca.if_else(mode > 1.5, c.Kp_Nm_rad, 0),
-            KD: ca.if_else(mode > 1.5, c.Kd_Nms_rad, 0),
+            KP: ca.if_else(mode == Mode.IMPEDANCE, c.Kp_Nm_rad, 0),
+            KD: ca.if_else(mode == Mode.IMPEDANCE, c.Kd_Nms_rad, 0),
             THETA_D: u.theta_desired_rad,
             OMEGA_D: u.omega_desired_rad_s,
             THETA_L: u.theta_load_rad,
@@ -189,13 +188,13 @@ class _Reference:
         }
         law = to_casadi(IMPEDANCE_LAW, values)
         law = label("law_Nm", law, "(5.24) with the sign of a stiffness")
-        on = mode > 0.5
+        on = mode != Mode.OFF
         changed = label("changed", mode != s.mode_last, "the mode is another than a step ago")
         # From one law to another the set torque goes on from where it was: the measured one would
         # make a step of the tracking error.  It fades in that step already, so that neither a
         # rounding error nor an old wish lives on through one change after another.
         gone_on = ca.if_else(changed, s.tau_set_Nm - law, s.offset_Nm) * c.keep
-        from_off = ca.logic_and(changed, s.mode_last < 0.5)
+        from_off = ca.logic_and(changed, s.mode_last == Mode.OFF)
         offset = ca.if_else(from_off, u.tau_Nm - law, gone_on)
         offset = label("offset_Nm", offset, "from the law to where the torque was, fading")
         wanted = label("wanted_Nm", ca.if_else(on, law + offset, u.tau_Nm))

@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
-from esea_gen.control.reference import OFF, TORQUE
+from esea_gen.control.mode import Mode
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -94,8 +94,8 @@ class DriveExample:
     tunables: tuple[tuple[str, str, float], ...]  # instance, name, value
 
     template = "device/main_drive.c.j2"
-    off = float(OFF)
-    torque = float(TORQUE)
+    off = float(Mode.OFF)
+    torque = float(Mode.TORQUE)
     stopped = float(Fault.STOP)
 
 
@@ -337,7 +337,10 @@ class _Recording:
             instance = x.signals[0].instance
             count = _encoder(self.system.blocks[instance], self.tunables.get(instance, {}))
             yield Column(x.name, (x,)), partial(self._counted, count, angles[_side(x)])
-        yield Column("mode", self.of("mode")), lambda k: float(TORQUE if k >= self.start else OFF)
+        yield (
+            Column("mode", self.of("mode")),
+            lambda k: float(k >= self.start and Mode.TORQUE),
+        )
         yield Column("rearm", self.of("rearm")), lambda k: float(k >= self.arm)
         wanted = (*self.of("tau_desired_Nm"), *self.of("tau_preview_Nm"))
         if wanted:
@@ -441,9 +444,9 @@ def _latch_fails(made: DriveExample, run: _Run) -> str:
         ("a stop does not latch", 1, {stop: 1.0}, Fault.STOP),
         ("the latch opens when the stop is over", made.wait, {stop: 0.0}, Fault.STOP),
         ("rearm opens it in torque mode", made.wait, {rearm: made.rearmed + 1.0}, Fault.STOP),
-        ("mode 0 opens it", made.wait, mode(OFF), Fault.STOP),
+        ("mode 0 opens it", made.wait, mode(Mode.OFF), Fault.STOP),
         ("rearm in mode 0 does not open it", 1, {rearm: made.rearmed + 2.0}, Fault.NONE),
-        ("torque mode closes it again", made.wait, mode(TORQUE), Fault.NONE),
+        ("torque mode closes it again", made.wait, mode(Mode.TORQUE), Fault.NONE),
     )
     for said, count, given, fault in asked:
         if not held(count, given, float(fault)):

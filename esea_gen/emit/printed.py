@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 from esea_gen.language.block import Block
@@ -37,6 +38,16 @@ def bare(text: str) -> str:
 def field_type(port: Any, number: str) -> str:
     """C type of a port's field, where a number has the given one."""
     return "uint32_t" if getattr(port, "whole", False) else number
+
+
+DEVICE = "@"  # in a printed name of a constant, for its device's prefix
+
+
+def number_name(value: Any, choices: type[IntEnum] | None) -> str:
+    """C name of one of a choice's numbers; empty where it has none."""
+    if choices is None or value not in [*choices]:
+        return ""
+    return f"{DEVICE}_{choices.__name__}_{choices(int(value)).name}".upper()
 
 
 @dataclass(frozen=True)

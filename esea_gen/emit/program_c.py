@@ -170,8 +170,7 @@ class _Writer:
                 f"{ports[argument].name}_{element}",
                 f"{pointer}->{ports[argument].name}"
                 + ("" if getattr(ports[argument], "size", 1) == 1 else f"[{element}]"),
-                "quantity",
-                0.0,
+                None,
             )
 
         prepare = None
@@ -357,7 +356,7 @@ class _Writer:
         printed = print_kernel(
             kernel,
             self.fmt,
-            lambda a, e: (f"a{a}_{e}", self._read(s.args[a], e, context), "quantity", 0.0),
+            lambda a, e: (f"a{a}_{e}", self._read(s.args[a], e, context), None),
             {},
             words,
         )

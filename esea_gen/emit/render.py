@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from enum import IntEnum
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -14,7 +15,7 @@ import jinja2
 
 from esea_gen.emit.example import example, tolerance
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.printed import EmittedBlock, bare, comment, field_type
+from esea_gen.emit.printed import DEVICE, EmittedBlock, bare, comment, field_type, number_name
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.emit.wrapping import wrap
@@ -162,6 +163,8 @@ class Renderer:
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
+            "all_choices": choices_of(system),
+            "number_name": number_name,
             "tunable": lambda i, n: next(t for t in system.blocks[i].tunables if t.name == n),
             "port_text": self.port_text,
             "feed": self.feed,
@@ -210,6 +213,7 @@ class Renderer:
     def render(self, template: str, **context: Any) -> str:
         """One file from one template, named by its path; C with its long lines broken."""
         text = self.env.get_template(template).render(template=template, **context)
+        text = text.replace(f"{DEVICE}_", f"{self.prefix}_".upper())
         return wrap(text) if template.endswith((".c.j2", ".h.j2")) else text
 
     def own_files(self) -> dict[str, str]:
@@ -264,6 +268,21 @@ class Renderer:
         return self.fmt.literal(value)
 
 
+def choices_of(system: System) -> list[type[IntEnum]]:
+    """Choices of a System's ports, but those whose numbers have a text each."""
+    ports = [p for b in system.kinds for p in (*b.state, *b.inputs, *b.outputs)]
+    coded = {p.choices for p in ports if p.codes}
+    return [c for c in dict.fromkeys(p.choices for p in ports) if c is not None and c not in coded]
+
+
+def whole_range(port: Port) -> str:
+    if port.kind == "flag":
+        return "0 or 1"
+    if port.choices is not None and len(port.choices) <= 4:
+        return ", ".join(f"{x.value} {x.name.lower()}".replace("_", " ") for x in port.choices)
+    return f"{port.low:.0f} to {port.high:.0f}"
+
+
 def port_text(port: Any) -> str:
     """What a header says of a port: meaning, unit, range, equation."""
     parts = [port.meaning]
@@ -272,7 +291,7 @@ def port_text(port: Any) -> str:
     if getattr(port, "flags", ()):
         parts.append("bits below")
     elif getattr(port, "whole", False):
-        parts.append("0 or 1" if port.kind == "flag" else f"{port.low:.0f} to {port.high:.0f}")
+        parts.append(whole_range(port))
     else:
         unit = "dimensionless" if port.unit == "1" else port.unit
         parts.append(f"[{unit}], range {port.low:.9g} to {port.high:.9g}")

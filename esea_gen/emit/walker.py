@@ -49,6 +49,8 @@ OPERATIONS: dict[str, tuple[int | None, str]] = {
     "select": (None, "{0} ? {1} : {2}"),
 }
 _BY_CODE = {code: name for name, (code, _) in OPERATIONS.items()} | {ca.OP_CONSTPOW: "pow"}
+COMPARING = frozenset({"lt", "le", "eq", "ne"})
+SELECTING = frozenset({"if_else_zero", "select"})
 BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Literal
 
 import casadi as ca
@@ -181,6 +182,8 @@ class Port:
         Outputs: fixed point is planned for a proven error so many times below its general aim.
     kind : {"quantity", "flag", "count"}
         A flag is 0 or 1, a condition in C; a count or a choice is a whole number from 0 on.
+    choices : type of IntEnum, optional
+        Of a choice: its numbers by name, which C compares with.
     """
 
     name: str
@@ -196,6 +199,7 @@ class Port:
     codes: tuple[Code, ...] = ()
     finer: float = 1.0
     kind: Kind = "quantity"
+    choices: type[IntEnum] | None = None
 
     def __post_init__(self) -> None:
         check_name("port", self.name)
@@ -211,7 +215,7 @@ class Port:
 
     @classmethod
     def count(cls, name: str, high: float, meaning: str, **named: Any) -> Port:
-        """A port that is a whole number from 0 to ``high``: a count, or a choice.
+        """A port that is a whole number from 0 to ``high``.
 
         Parameters
         ----------
@@ -219,6 +223,18 @@ class Port:
             As in the class.
         """
         return cls(name, named.pop("low", 0), high, meaning, kind="count", **named)
+
+    @classmethod
+    def choice(cls, name: str, choices: type[IntEnum], meaning: str, **named: Any) -> Port:
+        """A port that is one of several numbers with a name, the least of them 0.
+
+        Parameters
+        ----------
+        name, choices, meaning, **named
+            As in the class.
+        """
+        high = named.pop("high", max(choices))
+        return cls.count(name, high, meaning, choices=choices, **named)
 
     @classmethod
     def flag(cls, name: str, meaning: str, **named: Any) -> Port:

@@ -8,6 +8,7 @@ from typing import Any
 
 import casadi as ca
 
+from esea_gen.control.mode import Mode
 from esea_gen.devices.fields import Cable, Redundancy
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -29,8 +30,7 @@ USED = ("backlash_rad", "backlash_most_rad", "loss", "contact_Nm", "rate_1_s")
 # The give is learnt at this share of the rate of the ends, for a torque that changes by 1 Nm; from
 # what changes faster than this share of that rate.
 LEARN_1_Nm2, MEAN_SHARE = 0.2, 0.25
-# Above this mode an impedance is rendered.
-CLOSED_ABOVE = 1.5
+CLOSED_IN = int(Mode.IMPEDANCE)  # the mode in which the gap counts as closed
 GIVES = "one over the cable's stiffness"
 
 
@@ -119,7 +119,7 @@ class _Cable:
             Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
             around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
-            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "mode that holds"),
         )
         self.outputs = (
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
@@ -167,7 +167,7 @@ class _Cable:
         # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
         # what is predicted with it meets the ends of the gap: in the mean the command then holds
         # the gear inside, and a limp hand on a rendered spring drifts without any torque.
-        closed = label("closed", u.mode > CLOSED_ABOVE, "the gap counts as closed")
+        closed = label("closed", u.mode == CLOSED_IN, "the gap counts as closed")
         wound = ca.if_else(closed, 0.0, wound - middle) + carried
         # To rounding.
         gap = ca.if_else(closed, 0.0, ca.fmin(kept_high - kept_low, self.most))

@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from esea_gen.control.mode import Mode
 from esea_gen.control.reference import largest_gains
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.devices.file import DeviceData
 from esea_gen.twin.trajectories import Trajectory
 
-OFF, TORQUE, IMPEDANCE = 0, 1, 2
+OFF, TORQUE, IMPEDANCE = Mode
 # What the cases are written for: the elbow's full scale and range of motion, of which movements
 # take a quarter turn, and damping.
 FULL_NM, LOW_RAD, RANGE_RAD, MOVED_RAD = 4.47, -0.15, 2.65, math.pi / 2

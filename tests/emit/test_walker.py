@@ -162,10 +162,10 @@ def test_what_cannot_be_emitted_is_refused():
     assert told.value.fix == "Try another number format with --real."
     kernel = walk(ca.Function("f", [x], [x**20.5]))
     with pytest.raises(UnsupportedOperationError, match=r"20\.5"):
-        print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", "quantity", 0.0), {})
+        print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", None), {})
     kernel = walk(ca.Function("f", [x], [x + 1e60]))
     with pytest.raises(UnsupportedOperationError, match="float32"):
-        print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", "quantity", 0.0), {})
+        print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", None), {})
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False, width=32))

@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from esea_gen.control.limits.faults import Fault
-from esea_gen.control.limits.latch import MIRROR, RELEASED_KEY, UNKNOWN
+from esea_gen.control.limits.faults import Fault, Key
+from esea_gen.control.limits.latch import MIRROR, UNKNOWN
 from esea_gen.control.limits.safety import STALE_PERIODS
 from esea_gen.device import Device
 from esea_gen.language.ports import Port
@@ -23,7 +23,7 @@ from .smt import Answer, ask, every, implied, negated, some
 
 LIMIT_S = 120  # of processor time, about
 TOGETHER = 3  # properties in one question: reading one costs as much as answering it
-KEY = Fraction(RELEASED_KEY)
+KEY = Fraction(Key.RELEASED)
 
 
 @dataclass(frozen=True)

@@ -100,11 +100,11 @@ from esea_gen.observe import cable
 
 
 def parts(base):
-    cable.CLOSED_ABOVE, usual = 3, cable.CLOSED_ABOVE
+    cable.CLOSED_IN, usual = 3, cable.CLOSED_IN
     try:
         return SHIPPED.parts(base)
     finally:
-        cable.CLOSED_ABOVE = usual
+        cable.CLOSED_IN = usual
 
 
 LAW = replace(SHIPPED, name="open", parts=parts, section="")

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.law import Base, Law, Parts
+from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM, setpoint_rates
 from esea_gen.control.sliding_mode.governor import governed_wires, smoothed_setpoint, torque_lead
 from esea_gen.control.trend import motion_limits, trend
@@ -99,7 +100,7 @@ class _Cascade:
         omega, rate = drive.omega_rad_s, drive.rate_rad_s
         turn, _ = motion_limits(device)
         self.inputs = (
-            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "mode that holds"),
             around("tau_set_Nm", self.tau_lim, "set torque"),
             around("tau_rate_Nm_s", turn, "its rate"),
             Port("governed", 0.0, 1.0, "share of that rate that is believed"),
@@ -137,7 +138,7 @@ class _Cascade:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         a, inertia = self.drive.actuator, self.drive.actuator.J_kgm2.value
-        on = label("on", ca.logic_and(guard.inputs_ok, u.mode > 0.5), "whether it acts")
+        on = label("on", ca.logic_and(guard.inputs_ok, u.mode != Mode.OFF), "whether it acts")
         integral = ca.if_else(s.active, s.integral_Nm_s, 0)
         now = label("now_Nm", u.tau_set_Nm - u.tau_Nm, "error now")
         e = label("e_Nm", now + c.ahead_s * u.governed * u.tau_rate_Nm_s, "[cas 1]")
@@ -159,7 +160,7 @@ class _Cascade:
         short = ca.if_else(s.active, s.u_last_Nm - u.u_applied_Nm, 0)
         lacks = ca.if_else(beyond, driven, ca.if_else(ca.fabs(short) > self.limited, short, 0))
         # An impedance follows the limb: what integrates its error would let a limp hand drift.
-        rests = ca.logic_or(lacks * now > 0, u.mode > 1.5)
+        rests = ca.logic_or(lacks * now > 0, u.mode == Mode.IMPEDANCE)
         rests = label("rests", rests, "the integral would wind up, or an impedance is rendered")
         grown = integral + ca.if_else(rests, 0, self.h * c.integral_1_s2 * now)
         full = ca.fabs(grown) > self.integral_lim

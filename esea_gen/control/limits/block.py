@@ -19,11 +19,17 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.faults import DOUBTS, FAULT_CODES, OPTIONAL, limit_status
+from esea_gen.control.limits.faults import (
+    FAULT_CODES,
+    OPTIONAL,
+    Doubt,
+    Fault,
+    Key,
+    limit_status,
+)
 from esea_gen.control.limits.latch import (
     LAST_REARM,
     MIRROR,
-    RELEASED_KEY,
     UNKNOWN,
     limit_step,
 )
@@ -35,7 +41,7 @@ from esea_gen.control.limits.safety import (
     safety_sections,
 )
 from esea_gen.control.limits.streams import STREAMS
-from esea_gen.control.reference import IMPEDANCE
+from esea_gen.control.mode import Mode
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
@@ -164,8 +170,8 @@ class _Limits:
         codes = FAULT_CODES if self.warms else FAULT_CODES[: -len(OPTIONAL)]
         last_code = float(codes[-1].value)
         self.state = (
-            Port.count("key", RELEASED_KEY, "0 latched, one number released, else corrupt"),
-            Port.count("fault_stored", last_code, "reason of the latch, 0 released", init=1.0),
+            Port.choice("key", Key, "state of the latch; any other number is corrupt"),
+            Port.choice("fault_stored", Fault, "reason of the latch", high=last_code, init=1.0),
             Port.count("fault_mirror", MIRROR, "255 less it", low=MIRROR - last_code, init=254),
             Port.count("rearm_last", UNKNOWN, "last rearm; 8 unknown", init=UNKNOWN),
             Port.count("rearm_mirror", MIRROR, "255 less it", low=MIRROR - UNKNOWN, init=247),
@@ -179,7 +185,6 @@ class _Limits:
                 "slots_J", 0.0, n.slot_lim, "energy given in the slots before, newest first", SLOTS
             ),
         )
-        doubts = "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"
         delivered = "stamp of that command; 0 none delivered"
         left = "motor torque that the motor's temperature leaves; 0 latches"
         counted = "whole number, one more for each request; 0 follows 7"
@@ -187,7 +192,7 @@ class _Limits:
         self.inputs = (
             around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
             Port.count("control_beat", BEATS, delivered, on_invalid="beat_last"),
-            Port.count("mode", IMPEDANCE, "0 off, 1 torque, 2 impedance; nothing between"),
+            Port.choice("mode", Mode, "mode that holds"),
             Port.flag("stop", "0 no, anything else stops", on_invalid=1.0),
             Port.count("rearm", LAST_REARM, counted, on_invalid="rearm_last"),
             Port.flag("request_ok", "1 while what is wanted is sound"),
@@ -201,7 +206,7 @@ class _Limits:
             CLOCK_OK,
             LATE_LEVEL,
             COEFFS_OK,
-            *((Port.count("doubt", len(DOUBTS), doubts),) if self.watched else ()),
+            *((Port.choice("doubt", Doubt, "what is doubted"),) if self.watched else ()),
             *((Port("u_thermal_Nm", 0.0, n.u_max, left),) if self.warms else ()),
         )
         most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
@@ -211,7 +216,7 @@ class _Limits:
             around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
             around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
             Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
-            Port.count("fault", last_code, reason, codes=codes),
+            Port.choice("fault", Fault, reason, high=last_code, codes=codes),
             limit_status(n.energy_max),
         )
 

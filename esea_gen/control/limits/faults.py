@@ -7,6 +7,22 @@ from enum import IntEnum
 from esea_gen.language.ports import Code, Flag, Port, status_port
 
 
+class Key(IntEnum):
+    """State of the latch: the one number that releases it differs from 0 in 16 bits."""
+
+    LATCHED = 0
+    RELEASED = 0xFFAA55  # exact as float32
+
+
+class Doubt(IntEnum):
+    """What the monitor doubts, each by its fault's name."""
+
+    NONE = 0
+    SWINGS = 1
+    ROUGH = 2
+    STUCK_BIT = 3
+
+
 class Fault(IntEnum):
     """Reason of the latch; where several causes meet in one step, the smallest number is kept."""
 
@@ -130,7 +146,7 @@ FAULTS = {
         "the next control run and its release",
     ),
 }
-DOUBTS = (Fault.SWINGS, Fault.ROUGH, Fault.STUCK_BIT)  # by what ``doubt`` is, from 1
+DOUBTS = {Fault[d.name]: d for d in Doubt if d}
 FAULT_TEXT = {f: text for f, (text, _, _) in FAULTS.items()}
 FAULT_CODES = tuple(Code(f.name, int(f), *row) for f, row in FAULTS.items())
 OPTIONAL = (Fault.MOTOR_HOT,)  # of devices whose file has its section, at the end

@@ -9,14 +9,13 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.limits.faults import DOUBTS, Fault
+from esea_gen.control.limits.faults import DOUBTS, Fault, Key
 from esea_gen.control.limits.safety import LimitNumbers
-from esea_gen.control.reference import OFF
+from esea_gen.control.mode import Mode
 from esea_gen.language.block import Guard, Labels, StepResult
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST
 
-RELEASED_KEY = 0xFFAA55  # 16 bits set, and exact as float32; latched is 0
 LAST_REARM = 7  # rearm counts up to it and wraps
 UNKNOWN = 8  # rearm_last before a request was seen: the first one is no edge
 MIRROR = 255  # less a number is its mirror
@@ -47,7 +46,7 @@ def limit_step(
     push = _command(n, c, s, u, label)
     u_out = ca.if_else(latch.run, push.followed, 0.0)
     next_state = {
-        "key": ca.if_else(latch.run, RELEASED_KEY, 0.0),
+        "key": ca.if_else(latch.run, Key.RELEASED, Key.LATCHED),
         "fault_stored": latch.fault,
         "fault_mirror": MIRROR - latch.fault,
         "rearm_last": latch.rearm,
@@ -84,8 +83,8 @@ def _memory(
     coefficients: Sequence[Port], c: Any, s: Any, u: Any, guard: Guard, label: Labels
 ) -> SimpleNamespace:
     """Whom to believe: the memory, the inputs, the tunables."""
-    released = s.key == RELEASED_KEY
-    closed = s.key == 0
+    released = s.key == Key.RELEASED
+    closed = s.key == Key.LATCHED
     trusted = label(
         "trusted",
         _all(
@@ -95,8 +94,8 @@ def _memory(
                 s.rearm_last + s.rearm_mirror == MIRROR,
                 s.u_last_Nm + s.u_mirror_Nm == 0,
                 ca.logic_or(
-                    ca.logic_and(released, s.fault_stored == 0),
-                    ca.logic_and(closed, ca.logic_and(s.fault_stored >= 1, s.u_last_Nm == 0)),
+                    ca.logic_and(released, s.fault_stored == Fault.NONE),
+                    _all([closed, s.fault_stored != Fault.NONE, s.u_last_Nm == 0]),
                 ),
             ]
         ),
@@ -189,7 +188,7 @@ def _causes(
         Fault.CLOCK: ca.logic_not(u.clock_ok),
         Fault.LATE: u.late_level > LATE_MOST,
         Fault.COEFFICIENTS: ca.logic_not(u.coeffs_ok),
-        **{fault: u.doubt == k for k, fault in enumerate(DOUBTS, 1)},
+        **{fault: u.doubt == d for fault, d in DOUBTS.items()},
     }
     hot = {} if u.u_thermal_Nm is None else {Fault.MOTOR_HOT: ca.logic_not(u.u_thermal_Nm > 0)}
     return causes | hot
@@ -200,9 +199,9 @@ def _latch(
 ) -> SimpleNamespace:
     """Opens with one more ``rearm`` and no cause left; closes with a cause and keeps the first."""
     cause = label("cause", _any(causes.values()), "anything that forbids a motor command")
-    reason: Any = 0.0
+    reason: Any = Fault.NONE
     for code, found in reversed(list(causes.items())):
-        reason = ca.if_else(found, float(code), reason)
+        reason = ca.if_else(found, code, reason)
 
     known = ca.logic_and(m.trusted, s.rearm_last <= LAST_REARM)
     following = ca.if_else(s.rearm_last >= LAST_REARM, 0.0, s.rearm_last + 1)
@@ -210,14 +209,14 @@ def _latch(
     changed = ca.logic_and(known, ca.logic_not(u.rearm == s.rearm_last))
     release = label(
         "release",
-        _all([request, m.closed, ca.logic_not(cause), u.mode == OFF, u.u_command_Nm == 0]),
+        _all([request, m.closed, ca.logic_not(cause), u.mode == Mode.OFF, u.u_command_Nm == 0]),
         "off, asked for, no cause left, and the controller itself has let go",
     )
     run = label("run", ca.logic_and(ca.logic_not(cause), ca.logic_or(m.was_released, release)))
     kept = ca.logic_and(m.trusted, m.closed)
     fault = label(
         "fault_next",
-        ca.if_else(run, 0.0, ca.if_else(kept, s.fault_stored, reason)),
+        ca.if_else(run, Fault.NONE, ca.if_else(kept, s.fault_stored, reason)),
         "the first reason stays",
     )
     # What a corrupt memory says of the last request is no ground for an edge.
@@ -232,7 +231,7 @@ def _most(c: Any, u: Any) -> Any:
 
 def _command(n: LimitNumbers, c: Any, s: Any, u: Any, label: Labels) -> SimpleNamespace:
     """[lim 1, lim 2]: the command clipped, faded out towards the ends, and rate-limited."""
-    on = ca.logic_not(u.mode == OFF)
+    on = ca.logic_not(u.mode == Mode.OFF)
     wanted = ca.if_else(on, u.u_command_Nm, 0.0)
     most = _most(c, u)
     clipped = label("u_clipped_Nm", clip(wanted, -most, most), "torque")

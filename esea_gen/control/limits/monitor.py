@@ -13,6 +13,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from esea_gen.control.limits.faults import Doubt
 from esea_gen.control.limits.safety import command_range, safety_sections
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -24,7 +25,6 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 Watched = Side | Literal["gear"]
-SOUND, SWINGS, ROUGH, STUCK = range(4)
 LOUDER = 2.0  # times the noise of a sound encoder: rougher is no encoder's noise
 MOST = 4.0  # largest second difference that counts: one wild frame and the next make no roughness
 SWING_S = 1.0  # decay of the count of swings
@@ -111,7 +111,7 @@ class _EncoderMonitor:
             Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         )
         self.outputs = (
-            Port.count("doubt", STUCK, "0 none, 2 rough reading, 3 bit stuck"),
+            Port.choice("doubt", Doubt, "what is doubted"),
             status_port(
                 "what is doubted of this encoder",
                 "count or frame word was NaN or outside its range: nothing is judged by it",
@@ -155,7 +155,7 @@ class _EncoderMonitor:
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
         next_state |= {"mean": mean, "ones": ones, "moved": moved}
-        doubt = ca.if_else(stuck, float(STUCK), ca.if_else(rough, float(ROUGH), float(SOUND)))
+        doubt = ca.if_else(stuck, Doubt.STUCK_BIT, ca.if_else(rough, Doubt.ROUGH, Doubt.NONE))
         return next_state, {"doubt": doubt, "status": guard.status(stuck, rough)}
 
 
@@ -189,15 +189,15 @@ class _Monitor:
             ),
         )
         self.inputs = (
-            Port.count("doubt_motor", STUCK, "of the motor-side encoder"),
-            Port.count("doubt_load", STUCK, "of the load-side encoder"),
-            *([Port.count("doubt_gear", STUCK, "of the motor's own encoder")] * self.gear),
+            Port.choice("doubt_motor", Doubt, "doubt of the motor-side encoder"),
+            Port.choice("doubt_load", Doubt, "doubt of the load-side encoder"),
+            *([Port.choice("doubt_gear", Doubt, "doubt of the motor's own encoder")] * self.gear),
             around("u_command_Nm", command_range(device), "command before the limits"),
             around("tau_set_Nm", full, "set torque"),
             around("tau_Nm", tau, "measured interaction torque"),
         )
         self.outputs = (
-            Port.count("doubt", STUCK, "0 none, 1 motor swings, 2 rough reading, 3 bit stuck"),
+            Port.choice("doubt", Doubt, "what is doubted"),
             status_port(
                 "what is doubted",
                 "an input was NaN or outside its range",
@@ -222,7 +222,7 @@ class _Monitor:
         doubt = u.doubt_motor
         for other in (u.doubt_load, *([u.doubt_gear] if self.gear else [])):
             doubt = ca.if_else(other > doubt, other, doubt)
-        doubt = ca.if_else(doubt > SOUND, doubt, ca.if_else(often, float(SWINGS), float(SOUND)))
+        doubt = ca.if_else(doubt != Doubt.NONE, doubt, ca.if_else(often, Doubt.SWINGS, Doubt.NONE))
         return next_state, {"doubt": doubt, "status": guard.status(often)}
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import casadi as ca
 
+from esea_gen.control.mode import Mode
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
@@ -95,7 +96,7 @@ class _Ahead:
     def _ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         full = self.full_scale
         inputs = [
-            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "mode that holds"),
             around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
             if self.torque_given
             else around("tau_wanted_Nm", self.tau_lim, "wanted torque now"),
@@ -139,7 +140,7 @@ class _Ahead:
             if self.passive:
                 inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
-            Port.count("mode", 2, "mode that holds; 0 with an invalid input"),
+            Port.choice("mode", Mode, "mode that holds; 0 with an invalid input"),
             Port.flag("request_ok", "1 while every input is sound; else the limits latch"),
             Port("status", 0, 1, "what is known of it", flags=flags),
         ]
@@ -147,7 +148,7 @@ class _Ahead:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         wanted = u.tau_preview_Nm if self.torque_given else u.tau_wanted_Nm
-        law = label("impedance", u.mode > 1.5, "the impedance law holds")
+        law = label("impedance", u.mode == Mode.IMPEDANCE, "the impedance law holds")
         ahead = self.along(wanted, self.torque_given)
         if self.adapted:
             ahead = [w * u.wish_gain + u.wish_shift_Nm for w in ahead]
@@ -189,7 +190,7 @@ class _Ahead:
                 path.append(clip(theta, coasting - reach, coasting + reach))
             outputs |= {"theta_d_rad": path, "omega_d_rad_s": omega}
             outputs |= {"Kp_Nm_rad": kp, "Kd_Nms_rad": kd}
-        mode = ca.if_else(guard.inputs_ok, u.mode, 0)
+        mode = ca.if_else(guard.inputs_ok, u.mode, Mode.OFF)
         outputs |= {
             "mode": label("mode_taken", mode, "off when not sound"),
             "request_ok": guard.inputs_ok,

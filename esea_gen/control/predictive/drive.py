@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import casadi as ca
 
+from esea_gen.control.mode import Mode
 from esea_gen.control.predictive.cable_model import CableModel
 from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import predictive_program
@@ -150,7 +151,7 @@ class _Drive:
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
             around("tau_h_rate_Nm_s", 1e4, "its rate"),
             *((curve,) if self.published else ()),
-            Port.count("mode", 2, "0 off: the command is 0"),
+            Port.choice("mode", Mode, "0: the command is 0"),
             around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many),
         )
         if self.impedance:

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
+from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.sliding_mode.softening import (
@@ -152,7 +153,7 @@ class _SlidingMode:
             around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
             around("d4_rad_s2", self.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", self.u_lim, "motor torque by its model", equation="(5.1)"),
-            Port.count("mode", 2, "0 off; 1 torque and 2 impedance act alike here"),
+            Port.choice("mode", Mode, "1 and 2 act alike here"),
             around("u_applied_Nm", self.u_lim, "command that the motor holds"),
         )
         command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
@@ -250,7 +251,7 @@ class _SlidingMode:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         sound = ca.logic_and(guard.inputs_ok, guard.state_ok)
-        on = label("on", ca.logic_and(sound, u.mode > 0.5), "whether the controller acts")
+        on = label("on", ca.logic_and(sound, u.mode != Mode.OFF), "whether the controller acts")
         entering = label("entering", ca.logic_and(on, ca.logic_not(s.active)), "from off to on")
 
         e = label("e_rad", u.delta_set_rad - u.theta_rad, "theta_d - theta_m")

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
 from esea_gen.devices.file import DeviceData
@@ -57,7 +58,7 @@ def torque_lead(device: DeviceData) -> Block:
     acts = "1 looks ahead and smooths; 0 takes the set torque as it comes"
 
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        torque = ca.logic_and(u.mode > 0.5, u.mode < 1.5)
+        torque = u.mode == Mode.TORQUE
         acts = ca.logic_and(guard.inputs_ok, torque)
         asked = label("asked", ca.if_else(acts, c.share * u.trust, 0), "share that is asked for")
         # The rounding of a fixed point number may add a bit to 1, which would be a corrupt state.
@@ -89,7 +90,7 @@ def torque_lead(device: DeviceData) -> Block:
             around("tau_curve_Nm_s2", curve_lim, "its acceleration"),
             Port("trust", 0.0, 1.0, "share of both that is believed"),
             Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            Port.count("mode", 2, "0 off, 1 torque, 2 impedance"),
+            Port.choice("mode", Mode, "mode that holds"),
         ),
         outputs=(
             around("tau_led_Nm", full, "set torque ahead, for the inverse"),

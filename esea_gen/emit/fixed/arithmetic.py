@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from fractions import Fraction
 
 from esea_gen.emit.fixed import expression as ex
@@ -22,6 +23,7 @@ from esea_gen.emit.fixed.values import (
     threshold,
     two,
 )
+from esea_gen.emit.printed import number_name
 from esea_gen.emit.walker import Node
 
 SHIFTED_FRACTION_BITS = 60
@@ -48,6 +50,9 @@ class Arithmetic(LoweringBase):
         (al, ah), (bl, bh) = (self._ends(a) for a in n.args)
         low, high = (al + bl, ah + bh) if n.op == "add" else (al - bh, ah - bl)
         low, high = self._cut(i, low, high)
+        if i in self.whole:
+            with suppress(OverflowProofError):
+                return Value(join(*(self._unsigned(a, None) for a in n.args), -32), 0)
         natural = max(f for f in map(self._fraction, n.args) if f < MOST_FRACTION_BITS)
         exact = i in self.compared
 
@@ -250,6 +255,13 @@ class Arithmetic(LoweringBase):
             if self._constant(chosen) is None:
                 v = self._value(chosen)
                 return Value(v.expr, v.fraction)
+        if i in self.whole:
+            named = self.choices.get(i)
+            x, y = (
+                override[k].expr if k in override else self._unsigned(k, named)
+                for k in (one, other)
+            )
+            return Value(ex.choose(condition, x, y, -32), 0)
         least, most = min(low for low, _ in ends), max(high for _, high in ends)
         return self.aligned(
             i,
@@ -272,7 +284,7 @@ class Arithmetic(LoweringBase):
                 c = self._constant(other)
                 if c is None or self._constant(k) is not None:
                     continue
-                v = self._value(k)
+                v = self._held(k)
                 low, high = found.get(k, (v.expr.low, v.expr.high))
                 edge = last_raw(c, v.fraction, n.op == "lt", upper)
                 found[k] = (low, min(high, edge)) if upper else (max(low, edge), high)
@@ -309,12 +321,14 @@ class Arithmetic(LoweringBase):
         for k, c, upper in ((a, cb, True), (b, ca, False)):
             if c is None:
                 continue
-            v = self._value(k)
+            v = self._held(k)
             if n.op in ("eq", "ne"):
                 scaled = c * two(v.fraction)
                 if scaled.denominator != 1:
                     return Value(ex.literal(int(n.op == "ne"), 1), 0)
-                return Value(ex.compare(n.op, v.expr, threshold(int(scaled), v.expr)), 0)
+                edge = threshold(int(scaled), v.expr)
+                edge = ex.called(edge, number_name(c, self.choices.get(k)))
+                return Value(ex.compare(n.op, v.expr, edge), 0)
             edge = threshold(last_raw(c, v.fraction, n.op == "lt", upper), v.expr)
             e = ex.compare("le", v.expr, edge) if upper else ex.compare("le", edge, v.expr)
             return Value(e, 0)
@@ -325,7 +339,7 @@ class Arithmetic(LoweringBase):
                 break
             except OverflowProofError:
                 at -= 1
-        v, w = self._value(a), self._value(b)
+        v, w = self._held(a), self._held(b)
         if v.fraction == w.fraction:
             x, y = v.expr, w.expr
         return Value(ex.compare(n.op, x, y), 0, ea + eb)

@@ -8,7 +8,7 @@ overflow.  The same tree is printed as C and evaluated by the executor.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ class Expr:
     low: int
     high: int
     data: tuple[int, ...] = ()  # numbers that belong to the operation: a shift, a literal's value
-    name: str = ""  # of a named value: its C name; of a read: the place in memory
+    name: str = ""  # of a named value or a constant: its C name; of a read: the place in memory
 
 
 def _make(
@@ -62,11 +62,16 @@ def literal(value: int, bits: int = 32) -> Expr:
     return _make("literal", (), bits, value, value, (value,))
 
 
+def called(x: Expr, name: str) -> Expr:
+    """A literal that C writes by the name of a constant, where there is one."""
+    return replace(x, name=name) if x.op == "literal" and name else x
+
+
 def cast(x: Expr, bits: int) -> Expr:
     if x.bits == bits:
         return x
     if x.op == "literal":
-        return literal(x.data[0], bits)
+        return called(literal(x.data[0], bits), x.name)
     return _make("cast", (x,), bits, x.low, x.high)
 
 
@@ -244,7 +249,8 @@ def c_text(x: Expr) -> str:
     if x.op in ("read", "ref"):
         return x.name
     if x.op == "literal":
-        return _literal_text(x.data[0], x.bits)
+        named = x.name and (x.name if x.bits == -32 else f"({C_TYPES[x.bits]}){x.name}")
+        return named or _literal_text(x.data[0], x.bits)
     text = bare_text(x)
     return text if text.endswith(")") and text.startswith("esea_") else f"({text})"
 

@@ -150,8 +150,10 @@ class Lowering(Elementary):
         if f.kind == "flag":
             return ex.cast(self._condition(i), -32), 0.0
         if f.kind == "count":
+            if i in self.whole or self._constant(i) is not None:
+                return self._unsigned(i, f.port.choices), 0.0
             e, _, _ = self.align(i, 0, 32)
-            return ex.cast(ex.clamp(e, f.low, f.high), -32), 0.0
+            return ex.cast(ex.clamp(e, 0, ex.INT32[1]), -32), 0.0
         if f.word:
             if v is None or v.expr.bits != -32:
                 raise LoweringError(

@@ -60,9 +60,6 @@ def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
     index = "" if f.size == 1 else f"[{element}]"
     text = f"{pointer}->{f.name}{index}"
-    if f.kind == "count":  # a conversion of what does not fit is the compiler's choice
-        most = f"{ex.INT32[1]}u"
-        return f"(int32_t)({text} < {most} ? {text} : {most})"
     return f"(int32_t){text}" if f.word else text
 
 
@@ -77,12 +74,12 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         # prepare made of the others is trusted.
         free = pointer in ("state", "in")
         low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
-        bits = -32 if f.kind == "flag" else 32
-        if f.kind == "flag":
-            low, high = ex.UINT32
+        bits = 32
+        if f.kind != "quantity":
+            bits, (low, high) = -32, ex.UINT32
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
         return Source(
-            base, _place(pointer, f, element), f.fraction, low, high, port, f.checked, bits
+            base, _place(pointer, f, element), f.fraction, low, high, port, f.port, f.checked, bits
         )
 
     return source
@@ -157,7 +154,7 @@ class Planner:
             "out": _fields(block.outputs, out),
         }
         init = rewrite(fuse_selects(walk(block.init)))
-        lowering = Lowering(init, _sources(("coeffs", coeffs)), block=block.name)
+        lowering = Lowering(init, _sources(("coeffs", coeffs)), block=block.name, ports=block.state)
         self.init = lowering.run(self.fields["state"])
 
     def plan(self, why: Mapping[int, str] | None = None) -> BlockPlan:
@@ -173,6 +170,7 @@ class Planner:
             self.checks,
             block.name,
             self.others,
+            (*block.state, *block.outputs),
             self.kept,
         )
         step = lowering.run((*self.fields["state"], *self.fields["out"]))
@@ -223,8 +221,6 @@ def raw_places(
         table = np.asarray(c, dtype=object).reshape(-1, f.size)
         for k in range(f.size):
             held = [int(v) & ex.UINT32[1] if f.whole else int(v) for v in table[:, k]]
-            if f.kind == "count":
-                held = [min(v, ex.INT32[1]) for v in held]
             out[_place(pointer, f, k)] = np.array(held, dtype=object)
     return out
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from fractions import Fraction
 from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words, use_counts
+from esea_gen.emit.whole import chosen_nodes, whole_nodes
 from esea_gen.language.ports import UNIT_SUFFIXES, Port, Tunable
 
 NARROW_LIMIT = 2**31 - 1
@@ -33,6 +36,7 @@ class Source:
     low: int
     high: int
     port: str  # port and element, for messages
+    declared: Port | Tunable | None = None
     # Memory may hold any number: the check sees it as it is, all else sees it cut to the range.
     checked: bool = False
     bits: int = 32
@@ -193,6 +197,7 @@ class LoweringBase:
     checks: Collection[int] = ()  # nodes by which the step checks its own coefficients
     block: str = ""  # for messages
     others: Mapping[int, str] = field(default_factory=dict)  # names of values without a label
+    ports: Sequence[Port] = ()  # of its results
 
     def __post_init__(self) -> None:
         self.unchecked, self.checking = dict[int, Value](), False
@@ -211,6 +216,13 @@ class LoweringBase:
         self.parts = {i for w in self.status.values() for i in w.parts}
         self.compared = self._only_compared()
         self.caps: dict[int, int] = {}
+        arguments = {n.source[0]: n.source for n in nodes if n.op == "input"}
+
+        def declared(argument: int) -> Port | Tunable | None:
+            return self.source(*arguments[argument]).declared
+
+        self.whole = whole_nodes(self.kernel, declared, self.ports)
+        self.choices = chosen_nodes(self.kernel, declared, self.ports)
 
     def _only_compared(self) -> set[int]:
         # Values that end in comparisons alone: kept exact, so that they decide as they should.
@@ -259,6 +271,19 @@ class LoweringBase:
         return _exact(n.value) if n.op == "const" else None
 
     def _value(self, i: int) -> Value:
+        v = self._held(i)
+        if v.expr.bits == -32 and v.expr.high <= ex.INT32[1]:
+            return Value(ex.cast(v.expr, 32), 0)
+        return v
+
+    def _unsigned(self, i: int, choices: type[IntEnum] | None) -> Expr:
+        # A constant by its name.
+        c, v = self._constant(i), self.values[i] if i != ZERO else None
+        if c is not None or v is None:
+            return ex.called(ex.literal(int(c or 0), -32), number_name(c, choices))
+        return ex.cast(ex.clamp(v.expr, 0, ex.LIMITS[v.expr.bits][1]), -32)
+
+    def _held(self, i: int) -> Value:
         v = self.unchecked.get(i) if self.checking else None
         v = v or self.values[i]
         assert v is not None

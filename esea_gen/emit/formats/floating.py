@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -14,9 +15,11 @@ import numpy as np
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, number_name
 from esea_gen.emit.walker import (
+    COMPARING,
     OPERATIONS,
+    SELECTING,
     Kernel,
     Node,
     UnsupportedOperationError,
@@ -26,14 +29,13 @@ from esea_gen.emit.walker import (
     use_counts,
     walk,
 )
+from esea_gen.emit.whole import chosen_nodes, kind_of, whole_nodes
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System
 
 # Where a boolean operand is taken as it is, without turning it into a number.
 LOGICAL = frozenset({"not", "and", "or"})
-SELECTING = frozenset({"if_else_zero", "select"})
-COMPARING = frozenset({"lt", "le", "eq", "ne"})
 _CHAINS = frozenset({"and", "or", "add"})  # read from the left, brackets or none
 # Longest text of a value that is printed where it is used.
 _SHORT = {"mul": 34, "sub": 34, "add": 34, "neg": 34, "fabs": 60, "fmin": 60, "fmax": 60}
@@ -118,63 +120,24 @@ class FloatingFormat(Format):
         flat = [(pointer, p) for pointer, ports in groups for p in ports]
         clash = {p.name for _, p in flat if [q.name for _, q in flat].count(p.name) > 1}
 
-        def access(argument: int, element: int) -> tuple[str, str, str, float]:
+        def access(argument: int, element: int) -> tuple[str, str, Any]:
             pointer, p = flat[argument]
             size = getattr(p, "size", 1)
             name = f"{pointer}_{p.name}" if p.name in clash else p.name
             index = "" if size == 1 else f"[{element}]"
             local = f"{name}_now" if pointer == "state" else name
             local = local if size == 1 else f"{local}_{element}"
-            return local, f"{pointer}->{p.name}{index}", getattr(p, "kind", "quantity"), p.high
+            return local, f"{pointer}->{p.name}{index}", p
 
         return access
 
 
-# Of an input: local name, place in memory, kind and largest number of its port.
-Access = Callable[[int, int], tuple[str, str, str, float]]
-MOST_WHOLE = 2**32 - 1
+# Of an input: local name, place in memory, and its port; None where it is a number in any case.
+Access = Callable[[int, int], tuple[str, str, Any]]
 
 
-def _whole_nodes(kernel: Kernel, access: Access, ports: Sequence[Port]) -> set[int]:
-    """Nodes that C computes as ``uint32_t``: counts, and what is chosen or counted on of them.
-
-    A constant is either, and so is a choice of constants, which is whole where all that reads it
-    is.  No sum or difference is whole that could wrap.
-    """
-    nodes = kernel.nodes
-    most: dict[int, float] = {}  # of what can be a whole number
-    whole = set()
-    for i, n in enumerate(nodes):
-        parts = n.args[n.op in SELECTING :]
-        if n.op == "input":
-            *_, kind, high = access(*n.source)
-            if kind == "count":
-                most[i] = high
-                whole.add(i)
-        elif n.op == "const":
-            if n.value >= 0 and n.value == np.floor(n.value):
-                most[i] = n.value
-        elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
-            ends = [most[a] for a in parts]
-            if n.op == "sub" and (nodes[parts[0]].op != "const" or ends[0] < ends[1]):
-                continue
-            high = sum(ends) if n.op == "add" else ends[0] if n.op == "sub" else max(ends)
-            if high <= MOST_WHOLE:
-                most[i] = high
-                whole |= {i} & {i for a in parts if a in whole}
-    read_as_number: set[int] = set()
-    for r, port in zip(kernel.results, ports, strict=False):
-        read_as_number |= set(r) if port.kind == "quantity" else set()
-    if not ports:
-        read_as_number |= {i for r in kernel.results for i in r}
-    for i in reversed(range(len(nodes))):
-        n = nodes[i]
-        if i in most and i not in read_as_number and n.op != "const":
-            whole.add(i)
-        compares = n.op in COMPARING and any(a in whole for a in n.args)
-        if not (i in whole or (compares and all(a in most for a in n.args))):
-            read_as_number |= set(n.args)
-    return whole
+def _whole_text(value: float, choices: type[IntEnum] | None) -> str:
+    return number_name(value, choices) or f"{value:.0f}u"
 
 
 def _whole_bound(n: Node, position: int, value: float) -> float:
@@ -195,6 +158,7 @@ class _Operands:
     kernel: Kernel
     whole: set[int]
     flags: set[int]  # in memory, which may hold any pattern
+    choices: Mapping[int, type[IntEnum]]
 
     def compares_whole(self, n: Node) -> bool:
         others = [self.kernel.nodes[a] for a in n.args if a not in self.whole]
@@ -219,7 +183,10 @@ class _Operands:
             if operand.op != "const":
                 cast = "" if a in self.whole else "(uint32_t)"  # a choice that is a number as well
                 return bare(text) if compares else f"{cast}{text}"
-            return f"{_whole_bound(n, position, operand.value) if compares else operand.value:.0f}u"
+            value = _whole_bound(n, position, operand.value) if compares else operand.value
+            named = n.op in ("eq", "ne") or not compares
+            of = [self.choices[k] for k in (*n.args, i) if named and k in self.choices]
+            return _whole_text(value, of[0] if of else None)
         if a in self.flags:
             return _number(self.fmt, f"{text} != 0u")
         if a in self.whole:
@@ -241,7 +208,7 @@ class _Operands:
         if n.boolean:
             return f"({text} ? 1u : 0u)"
         if n.op == "const" and n.value >= 0 and n.value % 1 == 0:
-            return f"{n.value:.0f}u"
+            return _whole_text(n.value, port.choices)
         raise UnsupportedOperationError(
             f"{self.kernel.name}: {port.name} is a {port.kind}, but what it gets is no whole number"
         )
@@ -263,12 +230,14 @@ def print_kernel(
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
+    argument = lambda a: access(a, 0)[2]  # noqa: E731
     inputs = {i: access(*n.source) for i, n in enumerate(kernel.nodes) if n.op == "input"}
     name_of = namer({x[0] for x in inputs.values()}, labels, others or {})
     chained: dict[int, tuple[str, bool]] = {}  # printed where they are used, without brackets
-    whole = _whole_nodes(kernel, access, ports)
-    in_memory = {i for i, x in inputs.items() if x[2] == "flag"}
-    write = _Operands(fmt, kernel, whole, in_memory)
+    whole = whole_nodes(kernel, argument, ports)
+    in_memory = {i for i, x in inputs.items() if kind_of(x[2]) == "flag"}
+    choices = chosen_nodes(kernel, argument, ports)
+    write = _Operands(fmt, kernel, whole, in_memory, choices)
 
     for i, n in enumerate(kernel.nodes):
         if i in bits:
@@ -284,9 +253,9 @@ def print_kernel(
             atoms.append(f"({text})" if text.startswith("-") else text)
             continue
         if n.op == "input":
-            read, source, kind, _ = inputs[i]
+            read, source, port = inputs[i]
             arguments.add(n.source[0])
-            c_type = fmt.c_type if kind == "quantity" else "uint32_t"
+            c_type = fmt.c_type if kind_of(port) == "quantity" else "uint32_t"
             statements.append(Statement(c_type, read, source))
             atoms.append(read)
             continue
@@ -298,9 +267,10 @@ def print_kernel(
         checked = checked_from_zero(kernel, n)
         unsigned = checked in whole or checked in write.flags  # at least 0 by its type
         if unsigned:
-            text = f"{atoms[checked]} <= {kernel.nodes[kernel.nodes[n.args[0]].args[1]].value:.0f}u"
+            most = kernel.nodes[kernel.nodes[n.args[0]].args[1]].value
+            text = f"{atoms[checked]} <= {_whole_text(most, choices.get(checked))}"
         elif i in whole and n.op == "if_else_zero":
-            text = f"{operands[0]} ? {operands[1]} : 0u"
+            text = f"{operands[0]} ? {operands[1]} : {_whole_text(0, choices.get(i))}"
         else:
             text = fmt.expression(n, operands, kernel)
         named = labels.get(i)

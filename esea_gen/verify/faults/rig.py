@@ -13,6 +13,7 @@ import numpy as np
 
 from esea_gen.board.sim import SimBoard
 from esea_gen.control.laws.predictive import device_horizon
+from esea_gen.control.mode import Mode
 from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
@@ -35,7 +36,7 @@ ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264
 EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
 LIMP_LATEST = 1200  # later on a limp arm may have swung out of its range
 AFTER = 800  # ticks
-TORQUE, IMPEDANCE = 1.0, 2.0
+_, TORQUE, IMPEDANCE = map(float, Mode)
 STOP_LINE, OPERATOR = "stop line", "operator"  # who stops: category 0, category 1
 MOTIONS = ((0.5, 0.5), (0.26, 0.9))  # amplitude in rad and frequency in Hz: slow reaches, slices
 REST = 0.3  # what a second axis moves of that: deviation has a third of flexion's range

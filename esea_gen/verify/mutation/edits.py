@@ -9,8 +9,7 @@ import numpy as np
 
 from esea_gen.emit.elementary import EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.formats.floating import SELECTING
-from esea_gen.emit.walker import Kernel, Node
+from esea_gen.emit.walker import SELECTING, Kernel, Node
 
 # What stands instead of an operation: kind, operation, whether its operands change places.
 SWAPS: dict[str, tuple[tuple[str, str, bool], ...]] = {

@@ -1,0 +1,88 @@
+"""Values of a kernel that C holds as whole numbers, and those that have a name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from esea_gen.emit.walker import COMPARING, SELECTING, Kernel
+from esea_gen.language.ports import Port
+
+MOST_WHOLE = 2**32 - 1
+
+
+def kind_of(port: Any) -> str:
+    return getattr(port, "kind", "quantity")
+
+
+def whole_nodes(kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]) -> set[int]:
+    """Nodes that C computes as ``uint32_t``: counts, and what is chosen or counted on of them.
+
+    A constant is either, and so is a choice of constants, which is whole where all that reads it
+    is.  No sum or difference is whole that could wrap.
+    """
+    nodes = kernel.nodes
+    most: dict[int, float] = {}  # of what can be a whole number
+    whole = set()
+    for i, n in enumerate(nodes):
+        parts = n.args[n.op in SELECTING :]
+        if n.op == "input":
+            port = argument(n.source[0])
+            if kind_of(port) == "count":
+                most[i] = port.high
+                whole.add(i)
+        elif n.op == "const":
+            if n.value >= 0 and n.value == np.floor(n.value):
+                most[i] = n.value
+        elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
+            ends = [most[a] for a in parts]
+            if n.op == "sub" and (nodes[parts[0]].op != "const" or ends[0] < ends[1]):
+                continue
+            high = sum(ends) if n.op == "add" else ends[0] if n.op == "sub" else max(ends)
+            if high <= MOST_WHOLE:
+                most[i] = high
+                whole |= {i} & {i for a in parts if a in whole}
+    read_as_number: set[int] = set()
+    for r, port in zip(kernel.results, ports, strict=False):
+        read_as_number |= set(r) if port.kind == "quantity" else set()
+    if not ports:
+        read_as_number |= {i for r in kernel.results for i in r}
+    for i in reversed(range(len(nodes))):
+        n = nodes[i]
+        if i in most and i not in read_as_number and n.op != "const":
+            whole.add(i)
+        compares = n.op in COMPARING and any(a in whole for a in n.args)
+        if not (i in whole or (compares and all(a in most for a in n.args))):
+            read_as_number |= set(n.args)
+    return whole
+
+
+def chosen_nodes(
+    kernel: Kernel,
+    argument: Callable[[int], Any],
+    ports: Sequence[Port],
+) -> dict[int, type[IntEnum]]:
+    """Nodes that are a choice's numbers: of arguments and results, and what is selected of them."""
+    found: dict[int, type[IntEnum]] = {}
+    nodes = kernel.nodes
+
+    def put(i: int, choices: type[IntEnum] | None) -> None:
+        if choices is not None and nodes[i].op != "const":
+            found.setdefault(i, choices)
+
+    for i, n in enumerate(nodes):
+        if n.op == "input":
+            put(i, getattr(argument(n.source[0]), "choices", None))
+        elif n.op in SELECTING:
+            put(i, next((found[a] for a in n.args[1:] if a in found), None))
+    for elements, port in zip(kernel.results, ports, strict=False):
+        for i in elements:
+            put(i, port.choices)
+    for i in reversed(range(len(nodes))):
+        if i in found and nodes[i].op in SELECTING:
+            for a in nodes[i].args[1:]:
+                put(a, found[i])
+    return found
