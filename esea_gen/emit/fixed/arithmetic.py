@@ -24,7 +24,7 @@ from esea_gen.emit.fixed.values import (
     two,
 )
 from esea_gen.emit.printed import number_name
-from esea_gen.emit.walker import Node
+from esea_gen.emit.walker import Node, checked_from_zero
 
 SHIFTED_FRACTION_BITS = 60
 LEAST_SHIFT = -127  # of a quotient
@@ -242,7 +242,8 @@ class Arithmetic(LoweringBase):
                     ex.compare("le", ex.literal(low, e.bits), e),
                 )
                 only = self._tests_only(test, one)
-                condition = again if only else ex.logic("and", again, condition)
+                if i not in self.whole or i in self.converted:
+                    condition = again if only else ex.logic("and", again, condition)
                 override[one] = Value(
                     Expr("ref", (), e.bits, low, high, (), e.name), found.fraction
                 )
@@ -307,12 +308,15 @@ class Arithmetic(LoweringBase):
         return ex.truth(v.expr)
 
     def logic(self, i: int, n: Node) -> Value:
+        checked = checked_from_zero(self.kernel, n)
+        if checked in self.choices:
+            return self.comparison(n.args[0], self.kernel.nodes[n.args[0]], bound=True)
         return Value(ex.logic(n.op, *(self._condition(a) for a in n.args)), 0)
 
     def sign(self, i: int, n: Node) -> Value:
         return Value(Expr("sign", (self._value(n.args[0]).expr,), 32, -1, 1), 0)
 
-    def comparison(self, i: int, n: Node) -> Value:
+    def comparison(self, i: int, n: Node, bound: bool = False) -> Value:
         a, b = n.args
         ca, cb = self._constant(a), self._constant(b)
         if ca is not None and cb is not None:
@@ -330,6 +334,8 @@ class Arithmetic(LoweringBase):
                 edge = ex.called(edge, number_name(c, self.choices.get(k)))
                 return Value(ex.compare(n.op, v.expr, edge), 0)
             edge = threshold(last_raw(c, v.fraction, n.op == "lt", upper), v.expr)
+            if bound:  # a choice's, checked against its last number
+                edge = ex.called(edge, number_name(c, self.choices.get(k)))
             e = ex.compare("le", v.expr, edge) if upper else ex.compare("le", edge, v.expr)
             return Value(e, 0)
         at = max(self._value(a).fraction, self._value(b).fraction)

@@ -13,7 +13,14 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
-from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words, use_counts
+from esea_gen.emit.walker import (
+    COMPARING,
+    SELECTING,
+    Kernel,
+    UnsupportedOperationError,
+    status_words,
+    use_counts,
+)
 from esea_gen.emit.whole import chosen_nodes, whole_nodes
 from esea_gen.language.ports import UNIT_SUFFIXES, Port, Tunable
 
@@ -223,6 +230,16 @@ class LoweringBase:
 
         self.whole = whole_nodes(self.kernel, declared, self.ports)
         self.choices = chosen_nodes(self.kernel, declared, self.ports)
+        # Whole numbers that a signed one is made of: an analyser must see their range.
+        self.converted = {
+            a
+            for i, n in enumerate(nodes)
+            if i not in self.whole and n.op not in COMPARING
+            for a in n.args[n.op in SELECTING :]
+        }
+        for i in reversed(range(len(nodes))):
+            if i in self.whole & self.converted:
+                self.converted |= {*nodes[i].args}
 
     def _only_compared(self) -> set[int]:
         # Values that end in comparisons alone: kept exact, so that they decide as they should.
