@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from esea_gen.board.chips import (
-    WIRE_FAULTS,
-    Amplifier,
-    As5048a,
-    BissEncoder,
-    Drivers,
-    Workbench,
-)
+from esea_gen.board.chips import WIRE_FAULTS, Amplifier, As5048a, BissEncoder, Drivers, Workbench
 from esea_gen.device import Device
 
 MOTOR_SIDE, LOAD_SIDE, GEAR, ADC = range(4)

@@ -16,15 +16,7 @@ from esea_gen.control.limits.safety import JOINT_RAD
 from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    Tunable,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations, to_casadi

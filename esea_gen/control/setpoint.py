@@ -9,15 +9,7 @@ import casadi as ca
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    Tunable,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.model.filters import triple_pole_gains, triple_pole_ports
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of

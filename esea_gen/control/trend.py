@@ -12,15 +12,7 @@ import numpy as np
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    Tunable,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from enum import IntEnum
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -163,8 +162,7 @@ class Renderer:
             "external_scale": self.naming.external_scale,
             "scales": self.naming,
             "literal": self.literal,
-            "all_choices": choices_of(system),
-            "number_name": number_name,
+            "choice_macros": choice_macros(system),
             "tunable": lambda i, n: next(t for t in system.blocks[i].tunables if t.name == n),
             "port_text": self.port_text,
             "feed": self.feed,
@@ -268,11 +266,12 @@ class Renderer:
         return self.fmt.literal(value)
 
 
-def choices_of(system: System) -> list[type[IntEnum]]:
-    """Choices of a System's ports, but those whose numbers have a text each."""
+def choice_macros(system: System) -> list[str]:
+    """Macros of choices' numbers, but of those that have a text each."""
     ports = [p for b in system.kinds for p in (*b.state, *b.inputs, *b.outputs)]
     coded = {p.choices for p in ports if p.codes}
-    return [c for c in dict.fromkeys(p.choices for p in ports) if c is not None and c not in coded]
+    found = (c for c in dict.fromkeys(p.choices for p in ports) if c is not None and c not in coded)
+    return [f"#define {number_name(x, c)} {x.value}u" for c in found for x in c]
 
 
 def whole_range(port: Port) -> str:

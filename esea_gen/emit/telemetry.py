@@ -5,13 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from esea_gen.emit.messages import (
-    FIXED,
-    STREAM_SPAN_MS,
-    STREAM_WORDS,
-    Message,
-    task_messages,
-)
+from esea_gen.emit.messages import FIXED, STREAM_SPAN_MS, STREAM_WORDS, Message, task_messages
 from esea_gen.language.system import System
 
 FRAME_BYTES = 12  # header and checksum of a MAVLink 2 frame

@@ -23,15 +23,7 @@ import sympy as sp
 
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Equation,
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Equation, Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.plays import STREAMS
 from esea_gen.model.sections import file_tunable
 from esea_gen.model.symbolic import equations, to_casadi

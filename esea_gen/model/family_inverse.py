@@ -17,12 +17,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, around, clip, status_port, threshold
 from esea_gen.model.family import FittedMember, Start
-from esea_gen.model.family_sensor import (
-    factor_in,
-    family_step,
-    temperature_parts,
-    torque_limit,
-)
+from esea_gen.model.family_sensor import factor_in, family_step, temperature_parts, torque_limit
 from esea_gen.model.forward import REQUEST_ROOM, request_port
 
 # A twentieth of a millinewton-metre in 10 Nm, and far above float32 rounding.

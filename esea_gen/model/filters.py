@@ -11,14 +11,7 @@ import casadi as ca
 from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equations
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 2.0, 100.0

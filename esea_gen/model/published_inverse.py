@@ -13,15 +13,7 @@ import sympy as sp
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Constant,
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Constant, Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.cubic import ROOT_WHOLE, cubic_root, root_facts
 from esea_gen.model.forward import Forward, rate_facts, rate_split, request_port
 from esea_gen.model.sections import file_tunable

@@ -13,14 +13,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    Tunable,
-    around,
-    clip,
-    status_port,
-)
+from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import Drive, drive_of

@@ -17,14 +17,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import (
-    Flag,
-    Port,
-    around,
-    clip,
-    status_port,
-    threshold,
-)
+from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 

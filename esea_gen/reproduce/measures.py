@@ -20,12 +20,7 @@ from esea_gen.devices.numbers import Quantity
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import inverse_system
-from esea_gen.model.published_inverse import (
-    FILTER_B,
-    PLAY_DEFAULTS,
-    FilterName,
-    published_inverse,
-)
+from esea_gen.model.published_inverse import FILTER_B, PLAY_DEFAULTS, FilterName, published_inverse
 from esea_gen.reproduce.torque_model import Chapter3, reproduce_chapter3, reproduce_chapter4
 from esea_gen.studies.simulation import default_person, simulate
 from esea_gen.studies.uncertainty.motions import SIGNALS

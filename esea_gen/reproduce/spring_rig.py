@@ -18,12 +18,7 @@ from matplotlib.figure import Figure
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
 from esea_gen.analysis.plots import bode
-from esea_gen.analysis.response import (
-    Array,
-    checked,
-    checked_time,
-    resample,
-)
+from esea_gen.analysis.response import Array, checked, checked_time, resample
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
 from esea_gen.errors import UserError

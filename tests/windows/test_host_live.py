@@ -49,7 +49,7 @@ def test_numbers_become_words(lockstep):
     assert (fault_text(dialect, 8).name, fault_text(dialect, 77).cure) == ("DEFLECTION", "service")
     assert "released" in state_text(dialect, "STOPPED")
     assert state_text(dialect, "UNKNOWN") == ""
-    assert [mode_text(device, m) for m in (0, 1, 2, 9)] == ["off", "torque", "impedance", "9"]
+    assert [mode_text(m) for m in (0, 1, 2, 9)] == ["off", "torque", "impedance", "9"]
 
 
 @pytest.mark.ci

@@ -19,20 +19,8 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.limits.faults import (
-    FAULT_CODES,
-    OPTIONAL,
-    Doubt,
-    Fault,
-    Key,
-    limit_status,
-)
-from esea_gen.control.limits.latch import (
-    LAST_REARM,
-    MIRROR,
-    UNKNOWN,
-    limit_step,
-)
+from esea_gen.control.limits.faults import FAULT_CODES, OPTIONAL, Doubt, Fault, Key, limit_status
+from esea_gen.control.limits.latch import LAST_REARM, MIRROR, UNKNOWN, limit_step
 from esea_gen.control.limits.safety import (
     SLOTS,
     STALE_PERIODS,

@@ -151,7 +151,7 @@ class Lowering(Elementary):
             return ex.cast(self._condition(i), -32), 0.0
         if f.kind == "count":
             if i in self.whole or self._constant(i) is not None:
-                return self._unsigned(i, f.port.choices), 0.0
+                return self._unsigned(i, getattr(f.port, "choices", None)), 0.0
             e, _, _ = self.align(i, 0, 32)
             return ex.cast(ex.clamp(e, 0, ex.INT32[1]), -32), 0.0
         if f.word:

@@ -13,6 +13,7 @@ from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
 from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
+from esea_gen.emit.unsigned import chosen_nodes, unsigned_nodes
 from esea_gen.emit.walker import (
     COMPARING,
     SELECTING,
@@ -21,7 +22,6 @@ from esea_gen.emit.walker import (
     status_words,
     use_counts,
 )
-from esea_gen.emit.whole import chosen_nodes, whole_nodes
 from esea_gen.language.ports import UNIT_SUFFIXES, Port, Tunable
 
 NARROW_LIMIT = 2**31 - 1
@@ -228,7 +228,7 @@ class LoweringBase:
         def declared(argument: int) -> Port | Tunable | None:
             return self.source(*arguments[argument]).declared
 
-        self.whole = whole_nodes(self.kernel, declared, self.ports)
+        self.whole = unsigned_nodes(self.kernel, declared, self.ports)
         self.choices = chosen_nodes(self.kernel, declared, self.ports)
         # Whole numbers that a signed one is made of: an analyser must see their range.
         self.converted = {

@@ -9,13 +9,7 @@ import numpy as np
 
 from esea_gen.emit.elementary import exponent_q27, source_paths
 from esea_gen.emit.formats.floating import FloatingFormat
-from esea_gen.emit.walker import (
-    Kernel,
-    Node,
-    UnsupportedOperationError,
-    calls_first,
-    fuse_selects,
-)
+from esea_gen.emit.walker import Kernel, Node, UnsupportedOperationError, calls_first, fuse_selects
 
 # From the project's own float-only file, the same on all targets.
 _CALLS = {

@@ -16,6 +16,7 @@ from esea_gen.emit.formats.base import Format
 from esea_gen.emit.local_names import meanings, namer
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, number_name
+from esea_gen.emit.unsigned import chosen_nodes, kind_of, unsigned_nodes
 from esea_gen.emit.walker import (
     COMPARING,
     OPERATIONS,
@@ -29,7 +30,6 @@ from esea_gen.emit.walker import (
     use_counts,
     walk,
 )
-from esea_gen.emit.whole import chosen_nodes, kind_of, whole_nodes
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import System
@@ -156,9 +156,18 @@ class _Operands:
 
     fmt: FloatingFormat
     kernel: Kernel
-    whole: set[int]
-    flags: set[int]  # in memory, which may hold any pattern
-    choices: Mapping[int, type[IntEnum]]
+    access: Access
+    ports: Sequence[Port]
+
+    def __post_init__(self) -> None:
+        def port(argument: int) -> Any:
+            return self.access(argument, 0)[2]
+
+        self.whole = unsigned_nodes(self.kernel, port, self.ports)
+        self.choices = chosen_nodes(self.kernel, port, self.ports)
+        inputs = {i: port(n.source[0]) for i, n in enumerate(self.kernel.nodes) if n.op == "input"}
+        # In memory, which may hold any pattern.
+        self.flags = {i for i, p in inputs.items() if kind_of(p) == "flag"}
 
     def compares_whole(self, n: Node) -> bool:
         others = [self.kernel.nodes[a] for a in n.args if a not in self.whole]
@@ -230,14 +239,11 @@ def print_kernel(
     atoms: list[str] = []
     statements: list[Statement] = []
     arguments = set()
-    argument = lambda a: access(a, 0)[2]  # noqa: E731
     inputs = {i: access(*n.source) for i, n in enumerate(kernel.nodes) if n.op == "input"}
     name_of = namer({x[0] for x in inputs.values()}, labels, others or {})
     chained: dict[int, tuple[str, bool]] = {}  # printed where they are used, without brackets
-    whole = whole_nodes(kernel, argument, ports)
-    in_memory = {i for i, x in inputs.items() if kind_of(x[2]) == "flag"}
-    choices = chosen_nodes(kernel, argument, ports)
-    write = _Operands(fmt, kernel, whole, in_memory, choices)
+    write = _Operands(fmt, kernel, access, ports)
+    whole, choices = write.whole, write.choices
 
     for i, n in enumerate(kernel.nodes):
         if i in bits:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from esea_gen.emit.error_bounds import whole_nodes
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.formats.floating import SELECTING
-from esea_gen.emit.walker import Kernel, Node
+from esea_gen.emit.walker import SELECTING, Kernel, Node
 from esea_gen.language.block import Block
 from esea_gen.verify.intervals import Interval, node_interval
 from esea_gen.verify.mutation.edits import Edit

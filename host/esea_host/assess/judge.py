@@ -10,13 +10,7 @@ import numpy.typing as npt
 
 from esea_gen.files import plain
 from esea_host.assess.database import ResponseDataBase
-from esea_host.assess.evaluation import (
-    CONFIDENT,
-    MOST,
-    MOVEMENTS,
-    WAYS,
-    Met,
-)
+from esea_host.assess.evaluation import CONFIDENT, MOST, MOVEMENTS, WAYS, Met
 from esea_host.assess.hypotheses import NONE, disorder_of
 from esea_host.assess.patients import OUTSIDE_KINDS, Array
 from esea_host.assess.session import assessed_hypotheses

@@ -15,14 +15,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
 from esea_host.assess.probing import Comfort, ProbingMovement
-from esea_host.assess.responses import (
-    NEAR_RAD,
-    LegRecording,
-    NEAR_rad_s,
-    Passage,
-    nearest,
-    passage,
-)
+from esea_host.assess.responses import NEAR_RAD, LegRecording, NEAR_rad_s, Passage, nearest, passage
 
 WINDOW_S, STILL_rad_s, REST_S = 0.4, 3 * DEG, 0.3
 LEAST_RAD = 6 * DEG  # half of the smallest movement that is proposed

@@ -21,21 +21,10 @@ from esea_gen.errors import UserError
 from esea_host.assess import Measure, Summary
 from esea_host.assess.database import ResponseDataBase, shipped
 from esea_host.assess.hypotheses import Hypotheses
-from esea_host.assess.passive_tests import (
-    MotionRange,
-    PendulumResult,
-    motion_range,
-    pendulum_test,
-)
+from esea_host.assess.passive_tests import MotionRange, PendulumResult, motion_range, pendulum_test
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, Array
 from esea_host.assess.probing import Comfort, ProbingMovement, informative, next_movement
-from esea_host.assess.responses import (
-    LegRecording,
-    Location,
-    MovementReadings,
-    along,
-    passage,
-)
+from esea_host.assess.responses import LegRecording, Location, MovementReadings, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.task import (

@@ -11,24 +11,13 @@ from pathlib import Path
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import (
-    QDockWidget,
-    QLabel,
-    QLineEdit,
-    QSplitter,
-)
+from PySide6.QtWidgets import QDockWidget, QLabel, QLineEdit, QSplitter
 
 from esea_host.connection import PlayedBoard
 from esea_host.windows.arm import add_arms
 from esea_host.windows.channels import ChannelTree
 from esea_host.windows.feed import LiveFeed, Stretch, link_text
-from esea_host.windows.frame import (
-    Job,
-    StopWindow,
-    column_of,
-    qt_application,
-    run_until_closed,
-)
+from esea_host.windows.frame import Job, StopWindow, column_of, qt_application, run_until_closed
 from esea_host.windows.meanings import GENERAL, MOTOR_OFF
 from esea_host.windows.number_field import Choice
 from esea_host.windows.parameters import ParameterEditor

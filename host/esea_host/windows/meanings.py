@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.control.mode import Mode
 from esea_gen.device import Device
 from esea_gen.model.sensing import of_axis
 from esea_host.recording.layout import Array
@@ -117,12 +118,6 @@ def refusals(state: str, moves: bool = False, fault: int = 0) -> dict[str, str]:
     }
 
 
-def mode_text(device: Device, mode: float) -> str:
-    """A mode by the name that the meaning of the input gives it: ``0 off, 1 torque, ...``."""
-    for port in device.system.inputs:
-        if port.name == "mode":
-            for part in port.port.meaning.partition(" (")[0].split(","):
-                number, _, name = part.strip().partition(" ")
-                if number == f"{mode:.0f}":
-                    return name
-    return f"{mode:g}"
+def mode_text(mode: float) -> str:
+    """A mode by its name; a number that is no mode as it is."""
+    return Mode(int(mode)).name.lower() if mode in [*Mode] else f"{mode:g}"

@@ -117,4 +117,4 @@ class AxisColumns:
         """The mode in force, in words; empty where there is none."""
         name = of_axis("mode_held", axis)
         newest = self._feed.rings[self._streams[name]].newest() if name in self._streams else None
-        return "" if newest is None else mode_text(self._device, float(newest[name]))
+        return "" if newest is None else mode_text(float(newest[name]))

@@ -18,13 +18,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QSi
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.windows.feed import LiveFeed, link_text
-from esea_host.windows.frame import (
-    Job,
-    StopWindow,
-    column_of,
-    push_button,
-    row_of,
-)
+from esea_host.windows.frame import Job, StopWindow, column_of, push_button, row_of
 from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
@@ -32,11 +26,7 @@ from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
 from esea_host.wrist.calibration import AXES
 from esea_host.wrist.display import AxisView, DisplayPicture, WristDisplay
 from esea_host.wrist.guide import CalibrationGuide, WanderingHand
-from esea_host.wrist.stored import (
-    WristCalibration,
-    calibration_of,
-    save_calibration,
-)
+from esea_host.wrist.stored import WristCalibration, calibration_of, save_calibration
 
 LEAST_HEIGHT_PX = 230  # of the plots
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames

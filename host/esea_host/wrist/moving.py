@@ -25,16 +25,7 @@ from esea_host.study.task import (
 from esea_host.study.words import keyed
 from esea_host.wrist.calibration import AXES, Method, calibrated, cursor_maps
 from esea_host.wrist.normalisation import CursorMap
-from esea_host.wrist.tasks import (
-    IMPAIRMENT,
-    OnAxis,
-    Way,
-    _WristTask,
-    angles,
-    dot,
-    place,
-    requests,
-)
+from esea_host.wrist.tasks import IMPAIRMENT, OnAxis, Way, _WristTask, angles, dot, place, requests
 
 Row = Mapping[str, Any]
 MASS_KG, DAMPING_KG_S = 5.0, 18.0  # equation 7.7; the printed unit kgm/s is a misprint

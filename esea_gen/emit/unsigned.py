@@ -18,7 +18,9 @@ def kind_of(port: Any) -> str:
     return getattr(port, "kind", "quantity")
 
 
-def whole_nodes(kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]) -> set[int]:
+def unsigned_nodes(
+    kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]
+) -> set[int]:
     """Nodes that C computes as ``uint32_t``: counts, and what is chosen or counted on of them.
 
     A constant is either, and so is a choice of constants, which is whole where all that reads it
@@ -61,28 +63,16 @@ def whole_nodes(kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[
 
 
 def chosen_nodes(
-    kernel: Kernel,
-    argument: Callable[[int], Any],
-    ports: Sequence[Port],
+    kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]
 ) -> dict[int, type[IntEnum]]:
     """Nodes that are a choice's numbers: of arguments and results, and what is selected of them."""
-    found: dict[int, type[IntEnum]] = {}
     nodes = kernel.nodes
-
-    def put(i: int, choices: type[IntEnum] | None) -> None:
-        if choices is not None and nodes[i].op != "const":
-            found.setdefault(i, choices)
-
-    for i, n in enumerate(nodes):
-        if n.op == "input":
-            put(i, getattr(argument(n.source[0]), "choices", None))
-        elif n.op in SELECTING:
-            put(i, next((found[a] for a in n.args[1:] if a in found), None))
-    for elements, port in zip(kernel.results, ports, strict=False):
-        for i in elements:
-            put(i, port.choices)
-    for i in reversed(range(len(nodes))):
-        if i in found and nodes[i].op in SELECTING:
-            for a in nodes[i].args[1:]:
-                put(a, found[i])
+    fed = {i: argument(n.source[0]) for i, n in enumerate(nodes) if n.op == "input"}
+    fed |= {i: p for r, p in zip(kernel.results, ports, strict=False) for i in r}
+    found = {i: p.choices for i, p in fed.items() if getattr(p, "choices", None) is not None}
+    selects = [(i, *n.args[1:]) for i, n in enumerate(nodes) if n.op in SELECTING]
+    for select in (*selects, *reversed(selects)):
+        alike = [i for i in select if nodes[i].op != "const"]  # a constant is any choice's
+        known = [found[i] for i in alike if i in found]
+        found |= dict.fromkeys(alike, known[0]) if known else {}
     return found
