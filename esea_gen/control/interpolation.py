@@ -7,11 +7,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from esea_gen.control.mode import Mode
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, status_port
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 

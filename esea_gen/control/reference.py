@@ -10,12 +10,12 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.control.adaptation import gain_port, shift_limit_Nm
-from esea_gen.control.mode import Mode
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import SPECIAL, OwnStreams, Stream, single
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
 

@@ -17,12 +17,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
-from esea_gen.control.mode import Mode
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
 from esea_gen.language.system import External, System, Task
 from esea_gen.model.drive import NominalDrive
+from esea_gen.model.mode import Mode
 from esea_gen.model.sensing import zeros_missing
 
 SAMPLES = 12  # of a triangle

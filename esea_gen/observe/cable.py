@@ -8,11 +8,11 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.mode import Mode
 from esea_gen.devices.fields import Cable, Redundancy
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, status_port, threshold
+from esea_gen.model.mode import Mode
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of

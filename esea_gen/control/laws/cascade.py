@@ -13,13 +13,13 @@ import casadi as ca
 import numpy as np
 
 from esea_gen.control.law import Base, Law, Parts
-from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM, setpoint_rates
 from esea_gen.control.sliding_mode.governor import governed_wires, smoothed_setpoint, torque_lead
 from esea_gen.control.trend import motion_limits, trend
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
+from esea_gen.model.mode import Mode
 from esea_gen.model.sections import section_of
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of

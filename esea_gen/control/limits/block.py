@@ -29,11 +29,11 @@ from esea_gen.control.limits.safety import (
     safety_sections,
 )
 from esea_gen.control.limits.streams import STREAMS
-from esea_gen.control.mode import Mode
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Constant, Port, Tunable, around, flag_word, status_port
 from esea_gen.language.watch import CLOCK_OK, COEFFS_OK, LATE_LEVEL
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations
 
 BEATS = 255  # the stamp counts 1 to 255; 0 is what a latch holds before anything was delivered

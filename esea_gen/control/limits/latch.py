@@ -11,10 +11,10 @@ import casadi as ca
 
 from esea_gen.control.limits.faults import DOUBTS, Fault, Key
 from esea_gen.control.limits.safety import LimitNumbers
-from esea_gen.control.mode import Mode
 from esea_gen.language.block import Guard, Labels, StepResult
 from esea_gen.language.ports import Port, clip, flag_word, in_range
 from esea_gen.language.watch import LATE_MOST
+from esea_gen.model.mode import Mode
 
 LAST_REARM = 7  # rearm counts up to it and wraps
 UNKNOWN = 8  # rearm_last before a request was seen: the first one is no edge

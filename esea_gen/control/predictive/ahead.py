@@ -9,13 +9,13 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.mode import Mode
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.reference import adapted_inputs
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, threshold
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from esea_gen.control.mode import Mode
 from esea_gen.control.predictive.cable_model import CableModel
 from esea_gen.control.predictive.horizon import Horizon, Model, Tape
 from esea_gen.control.predictive.program import predictive_program
@@ -19,6 +18,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Port, Tunable, around, clip
 from esea_gen.language.program import Program
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 import sympy as sp
 
-from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
 from esea_gen.control.sliding_mode.softening import (
@@ -46,6 +45,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations, to_casadi
 from esea_gen.observe import drive_of
 from esea_gen.observe.disturbance import D4, FC, FV, OMEGA_M, TAU_E, WIDTH, J, N

@@ -11,12 +11,12 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.control.mode import Mode
 from esea_gen.control.setpoint import ACCELERATION_ROOM
 from esea_gen.control.trend import faded, motion_limits
 from esea_gen.devices.file import DeviceData
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port, Tunable, around, clip, status_port, threshold
+from esea_gen.model.mode import Mode
 from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 

@@ -50,14 +50,14 @@ def sliding_mode_numbers(device: DeviceData) -> SlidingMode:
 
 
 @dataclass(frozen=True)
-class Mode:
+class LoopMode:
     damping: float
     frequency_Hz: float
 
 
 # The switching gain's part that grows with the wanted acceleration (5.20) counts as if it always
 # pushed on: the law then acts on J + J_unc.
-def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = None) -> Mode:
+def least_damped(device: DeviceData, lead: float, lambda_1_s: float | None = None) -> LoopMode:
     """The least damped mode inside the layer, of the coupling's least and largest stiffness."""
     soft, stiff = stiffness_range_Nm_rad(device)
     slope = sliding_mode_numbers(device).lambda_1_s.value if lambda_1_s is None else lambda_1_s
@@ -111,7 +111,7 @@ def check_loop(device: DeviceData, lead: float) -> None:
     )
 
 
-def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> Mode:
+def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> LoopMode:
     period = LoopPeriod(device, lead, slope, stiffness)
     matrix = np.stack([period(x) for x in np.eye(len(LOOP_STATES))], axis=1)
     poles = np.linalg.eigvals(matrix)
@@ -120,7 +120,7 @@ def _worst(device: DeviceData, lead: float, slope: float, stiffness: float) -> M
     swings = frequency > SLOW_HZ
     damping = -s.real[swings] / np.abs(s[swings])
     i = int(np.argmin(damping))
-    return Mode(float(damping[i]), float(frequency[swings][i]))
+    return LoopMode(float(damping[i]), float(frequency[swings][i]))
 
 
 # SciPy has both of these; loading it takes up to a second of every command that builds a drive.

@@ -13,10 +13,10 @@ import numpy as np
 
 from esea_gen.board.sim import SimBoard
 from esea_gen.control.laws.predictive import device_horizon
-from esea_gen.control.mode import Mode
 from esea_gen.device import Device
 from esea_gen.emit.roles import board_roles
 from esea_gen.errors import UserError
+from esea_gen.model.mode import Mode
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.people import real_plant

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.control.mode import Mode
 from esea_gen.device import Device
+from esea_gen.model.mode import Mode
 from esea_gen.model.sensing import of_axis
 from esea_host.recording.layout import Array
 
