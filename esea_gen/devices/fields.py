@@ -232,6 +232,9 @@ class SlidingMode(Section):
     setpoint_acceleration: Literal["zero", "model"] = Field(
         description="Acceleration of the set-point: zero as published, or from the model."
     )
+    load_share: Quantity | None = optional(
+        0, 1, "Share of the load's estimated acceleration in it; without: 1, as published 0."
+    )
 
 
 class Predictive(Section):

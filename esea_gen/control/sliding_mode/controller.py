@@ -11,7 +11,13 @@ import numpy as np
 import sympy as sp
 
 from esea_gen.control.setpoint import ACCELERATION_ROOM
-from esea_gen.control.sliding_mode.linear_loop import check_loop, sliding_mode_numbers, slope_range
+from esea_gen.control.sliding_mode.linear_loop import (
+    LEAST_DAMPING,
+    check_loop,
+    least_damped,
+    sliding_mode_numbers,
+    slope_range,
+)
 from esea_gen.control.sliding_mode.softening import (
     COEFFICIENT,
     EQUATIONS,
@@ -42,6 +48,7 @@ from esea_gen.control.sliding_mode.surface import (
 )
 from esea_gen.devices.fields import field_facts
 from esea_gen.devices.file import DeviceData
+from esea_gen.devices.numbers import Quantity
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Flag, Port, Tunable, around, clip, status_port, threshold
 from esea_gen.language.stream import OwnStreams, Stream, single
@@ -78,6 +85,9 @@ class _SlidingMode:
         self.lambda_low, self.lambda_high = slope_range(device, h)
         self.lead_here = LEAD if self.model_acceleration else 1.0
         check_loop(device, self.lead_here)
+        # A larger lead swings by itself where the motor's lag is only a few samples.
+        stable = least_damped(device, LEAD_HIGH).damping >= LEAST_DAMPING
+        self.lead_high = LEAD_HIGH if stable else self.lead_here
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
         self.tau_lim, self.tau_h_lim = drive.tau_Nm, drive.tau_h_Nm
         self.omega_lim, self.rate_lim = drive.omega_rad_s, drive.rate_rad_s
@@ -102,14 +112,15 @@ class _SlidingMode:
         load = "share of the load's estimated acceleration in the set-point's acceleration"
         ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
         ours, lead = float(self.model_acceleration), self.lead_here
+        given = self.sm.load_share or Quantity(value=ours, status="assumed", source=control)
         by = f"1: thesis chapter 5; more: {control}"
         low, high = self.lambda_low, self.lambda_high
         self.tunables: tuple[Tunable, ...] = (
             self.sm.lambda_1_s.tunable("lambda_1_s", low, high, stiffer),
             self.sm.phi_rad_s.tunable("phi_rad_s", width["low"], width["high"], narrow),
             Tunable("margin", 1.0, 1.0, MARGIN_HIGH, gain, equal, "published"),
-            Tunable("lead", lead, 1.0, LEAD_HIGH, leads, by),
-            Tunable("load_share", ours, 0.0, 1.0, load, control),
+            Tunable("lead", lead, 1.0, self.lead_high, leads, by),
+            given.tunable("load_share", 0.0, 1.0, load),
             Tunable("friction_ahead", ours, 0.0, 1.0, ahead, control),
         )
         self.coefficients: tuple[Port, ...] = (
@@ -120,7 +131,7 @@ class _SlidingMode:
             ),
             Port("layer_s_rad", 0.0, 1.01e3, "1/phi", equation="(5.22)"),
             Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
-            Port("lead", 0.0, LEAD_HIGH - 1, "gain against the motor's lag"),
+            Port("lead", 0.0, self.lead_high - 1, "gain against the motor's lag"),
             Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
             Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
         )
@@ -180,7 +191,7 @@ class _SlidingMode:
         )
 
         if self.model_acceleration:
-            self.softening = SwingSoftening(self.h, 2 * self.delta_lim, LEAD_HIGH)
+            self.softening = SwingSoftening(self.h, 2 * self.delta_lim, self.lead_high)
             self.tunables += (TUNABLE,)
             self.coefficients += (COEFFICIENT,)
             self.state += self.softening.state
