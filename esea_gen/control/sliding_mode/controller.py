@@ -64,6 +64,8 @@ LEAD, LEAD_HIGH = 2.5, 4.0
 # filter (14 ms), and what a command takes until it acts.
 FRICTION_AHEAD_S = 0.035
 MARGIN_HIGH = 5.0
+SHARE_FALLS = 2.0
+"""The load's share falls by so many times what it lacks to 1, up to the full scale's torque."""
 
 
 # e = delta_d - delta.  Kept is lambda^2 times the integral: a rate, which does not jump when lambda
@@ -91,7 +93,7 @@ class _SlidingMode:
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
         self.tau_lim, self.tau_h_lim = drive.tau_Nm, drive.tau_h_Nm
         self.omega_lim, self.rate_lim = drive.omega_rad_s, drive.rate_rad_s
-        self.delta_lim = drive.delta_rad
+        self.delta_lim, self.full_Nm = drive.delta_rad, device.tau_full_scale_Nm
         self.acc_lim = threshold(ACCELERATION_ROOM * self.d_lim)
         self.fade = math.exp(-h / drive.actuator.tau_c_s.value)
         self.limited = threshold(LIMITED_SHARE * self.u_lim)
@@ -326,7 +328,10 @@ class _SlidingMode:
         """theta_d'': of the set-point and, by (5.3), of the load; 0 as published."""
         if self.model_acceleration:
             load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
-            set_acc = u.delta_acc_rad_s2 + c.load_share * load
+            share = c.load_share
+            if self.sm.load_share:  # the coupling stiffens, and what comes late weighs more
+                share -= SHARE_FALLS * (1 - share) * ca.fmin(ca.fabs(u.tau_Nm) / self.full_Nm, 1)
+            set_acc = u.delta_acc_rad_s2 + share * load
         else:
             set_acc = ca.SX(0)
         return label("set_acc_rad_s2", set_acc, "theta_d''")
