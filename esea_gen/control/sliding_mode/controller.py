@@ -64,8 +64,7 @@ LEAD, LEAD_HIGH = 2.5, 4.0
 # filter (14 ms), and what a command takes until it acts.
 FRICTION_AHEAD_S = 0.035
 MARGIN_HIGH = 5.0
-SHARE_FALLS = 2.0
-"""The load's share falls by so many times what it lacks to 1, up to the full scale's torque."""
+SHARE_FALLS = 2.0  # by so many times what it lacks to 1, at the torque's full scale
 
 
 # e = delta_d - delta.  Kept is lambda^2 times the integral: a rate, which does not jump when lambda
@@ -87,7 +86,7 @@ class _SlidingMode:
         self.lambda_low, self.lambda_high = slope_range(device, h)
         self.lead_here = LEAD if self.model_acceleration else 1.0
         check_loop(device, self.lead_here)
-        # A larger lead swings by itself where the motor's lag is only a few samples.
+        # Against a lag of few samples a larger lead swings by itself.
         stable = least_damped(device, LEAD_HIGH).damping >= LEAST_DAMPING
         self.lead_high = LEAD_HIGH if stable else self.lead_here
         self.u_lim, self.d_lim = drive.u_Nm, drive.d4_rad_s2
@@ -330,7 +329,8 @@ class _SlidingMode:
             load = (u.tau_Nm + u.tau_h_Nm) * (1 / self.drive.joint.Jh_kgm2.value)
             share = c.load_share
             if self.sm.load_share:  # the coupling stiffens, and what comes late weighs more
-                share -= SHARE_FALLS * (1 - share) * ca.fmin(ca.fabs(u.tau_Nm) / self.full_Nm, 1)
+                loaded = ca.fmin(ca.fabs(u.tau_Nm) * (1 / self.full_Nm), 1)
+                share = ca.fmax(share - SHARE_FALLS * (1 - share) * loaded, 0)
             set_acc = u.delta_acc_rad_s2 + share * load
         else:
             set_acc = ca.SX(0)

@@ -30,7 +30,7 @@ EQUATIONS = f"""
     [soft 1] | sigma | Max(sigma_1 * Max(0, Min(1, (q_2 - q_seen**2) / (q_full**2 - q_seen**2))), \
         sigma{{k-1}} * exp(-h / T_s)) | softness
     [soft 2] | lambda | lambda_0 * (1 - {SLOPE_FALLS} * sigma{{k-1}}) | slope, softened
-    [soft 3] | kappa | kappa_0 * (1 + {LEAD_RISES} * sigma{{k-1}}) | lead, at most the tunable's largest
+    [soft 3] | kappa | kappa_0 * (1 + {LEAD_RISES} * sigma{{k-1}}) | lead, within its bound
 """
 SOFTENED = Flag("SOFTENED", "the error swings, or did so lately: the gains are softer")
 COEFFICIENT = Port("softening", 0.0, 1.0, "how soft a swing makes the gains")
