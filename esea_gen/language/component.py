@@ -182,6 +182,9 @@ class Executor(ABC):
         if missing := [n for n in names if n not in inputs]:
             raise ValueError(f"{self.block.name}.run: no {missing[0]}; it takes {names}")
         columns = {n: self._numbers(n, inputs[n]) for n in names}
+        for n, c in columns.items():
+            if c.ndim != 2 or c.shape[1] != (1 if table else len(self._u[n])):
+                raise ValueError(f"{self.block.name}.run: {n} has the wrong shape, {c.shape}")
         if len({len(c) for c in columns.values()}) > 1:
             lengths = {n: len(c) for n, c in columns.items()}
             raise ValueError(f"{self.block.name}.run: inputs of different lengths: {lengths}")

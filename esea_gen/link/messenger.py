@@ -368,13 +368,11 @@ class Messenger:
         # A line may lose a question, or its answer.
         if self._asked_again:  # late answers to what was asked before
             self._pending = deque(m for m in self._pending if m.get_type() != name)
-        for _ in range(tries - 1):
+        for left in reversed(range(tries)):
             ask()
-            with suppress(UnansweredError):
-                return answer(self.timeout_s / 10)
+            with suppress(*[UnansweredError][:left]):
+                return answer(self.timeout_s / 10 if left else self.timeout_s)
             self._asked_again = True
-        ask()
-        return answer(self.timeout_s)
 
     def attempts(self) -> Iterator[None]:
         """Once; again where the board, whose clock may be faster (simulated), says too late."""

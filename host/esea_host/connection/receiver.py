@@ -26,7 +26,6 @@ from esea_host.recording.layout import Array, StreamLayout
 
 MOST_ROWS = 60_000  # a minute at 1 kHz
 READ_S = 0.05
-SWITCH_S = 5e-4
 KEY = "key"  # a stream whose rows are parts of a frame
 _DATA = struct.Struct("<QIHBBB")  # device clock, tick, interval, stream, choice, samples
 
@@ -179,7 +178,7 @@ class Receiver(Transport):
 
     def start(self) -> None:
         # A terminal holds 4 kB, some 10 ms of two axes: whatever else is computed, it is read soon.
-        sys.setswitchinterval(SWITCH_S)
+        sys.setswitchinterval(5e-4)
         self._thread = threading.Thread(target=self._run, name="esea-receiver", daemon=True)
         self._thread.start()
 
