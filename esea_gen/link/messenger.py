@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 from numbers import Integral, Real
 from typing import Any, NamedTuple, Self
@@ -183,11 +184,8 @@ class Messenger:
 
     def learn_time(self) -> BoardTime:
         self._board_time = None
-
-        def answer(limit_s: float) -> Any:
-            return self._until(lambda: self._board_time, "ESEA_STAMP", limit_s)
-
-        told: BoardTime = self._repeated("ESEA_STAMP", self._ask_time, answer)
+        found = partial(self._until, lambda: self._board_time, "ESEA_STAMP")
+        told: BoardTime = self._repeated("ESEA_STAMP", self._ask_time, found)
         return told
 
     def boot_number(self) -> int:

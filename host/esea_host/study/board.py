@@ -242,7 +242,7 @@ class BoardSource(InputSource):
         if not self.signals.drive:
             name = self.signals.device.name
             raise UserError(f"{name} has no motor to arm.", "Leave --arm out.")
-        deadline_s = self.now_s() + READY_S
+        deadline_s, why = self.now_s() + READY_S, ""
         while (state := self._state_now()) not in WORKING or self.device.state() not in WORKING:
             if state in HALTED:
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
@@ -250,13 +250,15 @@ class BoardSource(InputSource):
                 self.device.zero()
             elif state == "READY":
                 # Refused while the controller has not quite let go of what was before: once more.
-                with contextlib.suppress(LinkError):
+                try:
                     self.device.arm()
+                except LinkError as error:
+                    why = f" ({error.what})"
             elif state in WORKING:
                 self.device.disarm()
             self._state = state
             if self.now_s() > deadline_s or self.ask():
-                raise UserError(f"The board stays {state}.", "Rest the joint, unloaded.")
+                raise UserError(f"The board stays {state}{why}.", "Rest the joint, unloaded.")
             self._pass(0.4)
 
     def _state_now(self) -> str:
