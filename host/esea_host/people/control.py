@@ -43,9 +43,9 @@ MUSCLE_KEPT = math.exp(-FRAME_S / MUSCLE_S)
 # Deviation of the muscle's torque over that of a command that is drawn anew each frame.
 MUSCLE_SMOOTHS = 0.2494
 RESISTS_NMS_RAD = 0.05  # steps of a device's reckoned damping: fewer gains to solve
-# Squared speed, summed over these, below which they tell little of what resists; assumed.
+# Squared speed, summed over a trial, below which it tells little of what resists; assumed.
 FEW_RAD2_S2 = 4.0
-LEARN_FRAMES = 50  # between two corrections of what is known of the device; assumed
+MOST_LAG = 50
 END_RAD = math.radians(5.0)  # nearer to the end of the own range, nothing is learnt of a device
 DISCOUNT_S = 2.0  # assumed
 # Assumed: torque from outside and speed of a target drift by so much in the root of a second.
@@ -115,8 +115,9 @@ def effort_weight(load: AxisBelief, bits_s: float) -> float:
 class Gains:
     """Of one load and one kind of target.
 
-    command: of the chase's state.  hand, drive, felt: the hand's estimator.  prey, pushed, seen:
-    the target's; ahead, moved: from its delayed state and the hand's speeds since, to now.
+    command: of the chase's state.  hand, drive, felt: the hand's estimator; lag: frames by which
+    its torque from outside comes late.  prey, pushed, seen: the target's; ahead, moved: from its
+    delayed state and the hand's speeds since, to now.
     """
 
     load: AxisBelief
@@ -124,6 +125,7 @@ class Gains:
     hand: Array
     drive: Array
     felt: Array
+    lag: int
     prey: Array
     pushed: Array
     seen: Array
@@ -170,6 +172,8 @@ def gains(
     process = (noise * TYPICAL_NM) ** 2 * np.outer(driven, driven)
     process[4, 4] += DRIFT_NM**2 * FRAME_S
     felt = _estimator(wrong, np.eye(n)[-1], process, FELT_RAD)
+    closed = np.eye(n) - hand + np.outer(felt, np.eye(n)[-1])
+    lag = round(float(np.linalg.inv(closed)[4, 4]))  # of a torque that grows steadily
     moving = np.array([[0.0, 1.0], [0.0, -runs_1_s]])
     f, pushed = _discrete(moving, np.array([0.0, runs_1_s]))
     drift = np.diag([0.0, DRIFT_RAD_S**2 * FRAME_S])
@@ -177,7 +181,7 @@ def gains(
     powers = [np.linalg.matrix_power(f, m) for m in range(seen_frames)]
     moved = np.stack([p @ pushed for p in powers[-2::-1]], axis=1)
     command = _gain(*_chase(load, runs_1_s), effort_weight(load, bits_s))
-    return Gains(load, command, hand, driven, felt, f, pushed, seen, powers[-1], moved)
+    return Gains(load, command, hand, driven, felt, lag, f, pushed, seen, powers[-1], moved)
 
 
 class AxisController:
@@ -199,7 +203,7 @@ class AxisController:
         self._past = deque([(0.0, 0.0)] * self.seen_frames, self.seen_frames)
         self._muscle_Nm = self._drive_Nm = 0.0
         self._prey: Array | None = None
-        self._sums = [0.0] * 5
+        self._sums, self._ways = np.zeros((5, 5)), deque([(0.0, 0.0)], MOST_LAG)
         self.goal_rad = self.goal_rad_s = 0.0
         self._learns, self._state, self.resists_Nms_rad = True, False, {False: 0.0, True: 0.0}
         self.expect(0.0)
@@ -227,19 +231,21 @@ class AxisController:
 
     def enter(self, state: bool, learns: bool = True) -> None:
         """Begin a trial in a state of the device: stop pushing, and recall how it resists."""
+        self._get_used()
         self._learns = learns
         self._state, self.goal_rad, self.goal_rad_s = state, self.angle_rad, 0.0
-        self._sums = [0.0] * 5
         self.expect(0.0)
 
     def _get_used(self) -> None:
-        # Of the torque from outside, what goes with the speed is damping of the device.
-        n, turned, torque, turned2, against = self._sums
-        turned2 += FEW_RAD2_S2 - turned * turned / n
-        more = -self.model.gain_rate * (against - turned * torque / n) / turned2
+        # Of the torque from outside, what goes with the speed at the same place is damping of the
+        # device.  Only ways there and back tell it from a wall, so that whole trials are compared.
+        told, torque = (
+            self._sums[:4, :4] + np.diag([1e-6, 1e-6, 1e-6, FEW_RAD2_S2]),
+            self._sums[:4, 4],
+        )
+        more = -self.model.gain_rate * float(np.linalg.solve(told, torque)[3])
         self.resists_Nms_rad[self._state] = max(self.resists_Nms_rad[self._state] + more, 0.0)
-        self._sums = [0.0] * 5
-        self._tune()
+        self._sums[:] = 0.0
 
     @property
     def angle_seen_rad(self) -> float:
@@ -272,6 +278,7 @@ class AxisController:
         m, g, x = self.model, self._gains, self._estimate
         angle, speed, muscle, drive, outside = x[:5].tolist()
         self._past.append((angle, speed))
+        self._ways.append((angle, speed))
         k, b = g.load.stiffness_Nm_rad, g.load.damping_Nms_rad
         steady, lag = k * (angle - self._limb.rest_rad) + b * speed - outside, MUSCLE_S * k * speed
         chase = (self.goal_rad - angle, speed, muscle - steady, drive - steady - lag)
@@ -279,10 +286,9 @@ class AxisController:
         command = min(max(command, -m.effort_Nm), m.effort_Nm)
         self._estimate = g.hand @ x + g.drive * command + g.felt * (self._felt[0] - x[-1])
         if self._learns and self._limb.low_rad + END_RAD < angle < self._limb.high_rad - END_RAD:
-            told = (1.0, speed, outside, speed * speed, speed * outside)
-            self._sums = [a + b for a, b in zip(self._sums, told, strict=True)]
-            if self._sums[0] >= LEARN_FRAMES:
-                self._get_used()
+            then, at = self._ways[-1 - min(g.lag, len(self._ways) - 1)]
+            told = np.array([1.0, then, then * then, at, outside])
+            self._sums += told[:, None] * told
         before = self._muscle_Nm
         noisy = command * (1.0 + self._command_noise * float(self._rng.normal()))
         kept, share = MUSCLE_KEPT, FRAME_S / MUSCLE_S
