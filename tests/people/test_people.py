@@ -53,17 +53,19 @@ class Plant:
     way=st.sampled_from((-1, 1)),
     contracted_Nm_rad=st.floats(0.01, 2.0),
     drag_Nms_rad=st.floats(0.0, 0.1),
+    rest_rad=st.floats(-0.1, 0.1),
 )
 @settings(max_examples=25, deadline=None)
 def test_without_noise_the_hand_comes_to_rest_on_a_target(
-    limb, goal_deg, way, contracted_Nm_rad, drag_Nms_rad
+    limb, goal_deg, way, contracted_Nm_rad, drag_Nms_rad, rest_rad
 ):
-    """Both axes, both ways, limp to stiff, and in a device that resists."""
+    """Both axes, both ways, limp to stiff, in a device that resists, off the neutral angle."""
     model = replace(QUIET, contracted_Nm_rad=contracted_Nm_rad)
-    plant, goal = Plant(model, limb, drag_Nms_rad), way * math.radians(goal_deg)
+    plant = Plant(model, replace(limb, rest_rad=rest_rad), drag_Nms_rad)
+    goal = way * math.radians(goal_deg)
     angles = plant.chase(lambda *_: goal, 4.0)
     assert np.max(np.abs(angles[-50:] - goal)) < 0.05 * abs(goal)
-    assert np.max(way * angles) < 1.4 * abs(goal)
+    assert np.max(way * angles) < 1.4 * abs(goal) + abs(rest_rad)
 
 
 @given(delay_s=st.floats(0.1, 0.25), goal_deg=st.floats(-18.0, 18.0))

@@ -280,7 +280,7 @@ class AxisController:
         self._past.append((angle, speed))
         self._ways.append((angle, speed))
         k, b = g.load.stiffness_Nm_rad, g.load.damping_Nms_rad
-        steady, lag = k * (angle - self._limb.rest_rad) + b * speed - outside, MUSCLE_S * k * speed
+        steady, lag = k * angle + b * speed - outside, MUSCLE_S * k * speed
         chase = (self.goal_rad - angle, speed, muscle - steady, drive - steady - lag)
         command = steady + 2 * lag - float(g.command @ (*chase, self.goal_rad_s))
         command = min(max(command, -m.effort_Nm), m.effort_Nm)
