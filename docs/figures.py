@@ -44,7 +44,7 @@ CONTINUED = ("esea-gen simulate", "esea-gen faults")
 @dataclass(frozen=True)
 class FigureColumn:
     head: str
-    show: str  # a template for an entry, or `median`: of the RMS errors
+    show: str  # a template for an entry; or `median`, of the RMS errors, or `largest KEY`
     of: Sequence[int] = ()  # results of these commands only
     where: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -165,7 +165,11 @@ def draw(table: FigureTable, found: Sequence[Any]) -> list[str]:
                 for k, e in every
                 if filled(label, e) == name and (not c.of or k in c.of) and fits(e, c.where)
             ]
-            text = errors(mine) if c.show == "median" else filled(c.show, mine[0])
+            text = filled(c.show, mine[0])
+            if c.show == "median":
+                text = errors(mine)
+            elif c.show.startswith("largest "):
+                text = f"{max(e[c.show.split()[1]] for e in mine):.3f}"
             cells.append(" ".join(WORDS.get(w, w) for w in text.split()))
         rows.append(reworded(f"| {' | '.join(cells)} |", table))
     heads = [c.head for c in table.columns]
