@@ -2,7 +2,8 @@
 
 A table, or a figure within a sentence, is between two marks of its page; `figures.toml` has its
 commands and columns.  One with unchanged inputs is skipped, a command that has run is not repeated,
-and an interrupted campaign is continued.  `--check` reports blocks that were edited by hand.
+and an interrupted campaign is continued.  `--check` reports blocks that were edited by hand, and
+numbers outside a block that only a measurement, a simulation or a count gives.
 """
 
 from __future__ import annotations
@@ -33,6 +34,16 @@ BLOCK = re.compile(
     r"<!-- figures:(?P<name>[\w-]+)(?::(?P<date>[\d-]+):(?P<inputs>\w+):(?P<text>\w+))? -->\n?"
     r"(?P<inner>.*?)<!-- /figures -->",
     re.DOTALL,
+)
+# What is no text of a page, and what only a measurement, a simulation or a count gives.
+ASIDE = re.compile(BLOCK.pattern + r"|```.*?```|`[^`\n]*`", re.DOTALL)
+MEASURED = re.compile(
+    r"\d[\d.e-]*\s?(?:mNm|µs|ns|ULP|[kKMG]B|bytes|instructions|hours)\b"
+    r"|\d+ of \d+|\d\d+ (?:\w+ )?runs\b"
+    r"|(?:[Ee]rror|RMS|[Mm]edian|[Mm]easured|[Ss]imulated|[Ww]orst)\b[^.|:()]{0,40}?"
+    r"\d+\.\d+(?:e-?\d+)?\s?(?:Nm|rad|ms|%|J)"
+    r"|^\|.*(?:\| ?[-−]?\d*\.\d[^|\n]*|\| ?\de-\d[^|\n]*){3}\|",
+    re.MULTILINE,
 )
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ENDED = ("unstable", "tripped", "fault", "failure")
@@ -278,7 +289,8 @@ def write(block: FigureBlock, lines: Sequence[str], when: object) -> None:
     write_whole(block.page, new)
 
 
-def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
+def problems(folder: Path) -> Iterator[str]:
+    found = blocks(folder)
     for name in sorted({*found} ^ {*tables()}):
         yield f"{name}: in a page or in figures.toml, but not in both"
     for name, block in found.items():
@@ -287,6 +299,10 @@ def problems(found: Mapping[str, FigureBlock]) -> Iterator[str]:
             if name in tables() and tables()[name].by_hand:
                 run = f"python docs/figures.py --record {name}"
             yield f"{block.page.name}, {name}: edited by hand; run `{run}`"
+    for page in [*sorted(folder.glob("*.md")), *folder.parent.glob("README.md")]:
+        text = ASIDE.sub("", page.read_text(encoding="utf-8"))
+        for number in {*MEASURED.findall(text)} - {*registry()["stated"]}:
+            yield f"{page.name}: `{number}` is typed by hand; write it by a table of figures.toml"
 
 
 def differences(old: str, new: str, scatter: float) -> list[str]:
@@ -322,8 +338,10 @@ def main() -> int:
     if unknown := sorted({*chosen.names} - {*found}):
         parser.error(f"no such table: {', '.join(unknown)}; there are {', '.join(sorted(found))}")
     if chosen.check:
-        wrong = list(problems(found))
-        print("\n".join(wrong or ["No block was edited by hand."]))
+        wrong = list(problems(DOCS))
+        print(
+            "\n".join(wrong or ["No block was edited by hand, no measured number is outside one."])
+        )
         return bool(wrong)
     for name in chosen.names or sorted(found, key=lambda n: tables()[n].cpu_s):
         block, table = found[name], tables()[name]
