@@ -273,18 +273,14 @@ def test_a_device_that_is_not_ready_starts_nothing(study):
     assert set(session.state.states.values()) == {"pending"}
 
 
-def test_corrections_keep_what_was_there(study):
+def test_only_a_trial_to_come_is_skipped_and_with_a_reason(study):
     run_one(study)
     session = study.session("P01", 0, SimulatedSource(1))
-    session.correct(4, "held", False, "the strap was open")
     with pytest.raises(UserError, match="is done"):
         session.skip(4, "shown twice")
     with pytest.raises(UserError, match="reason"):
         session.skip(5, "")
     session.close()
-    assert [r["held"] for r in study.rows("P01") if r["trial"] == 4] == [False]
-    (change,) = entries(study, "correction")
-    assert (change["old"], change["new"]) == (True, False)
 
 
 def test_a_trial_comes_again_in_its_place(study):

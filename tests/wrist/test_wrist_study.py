@@ -23,8 +23,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.protocol import parse_protocol
-from esea_host.study.scene import Scene, draw
-from esea_host.study.session import replay
+from esea_host.study.scene import Scene
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.analysis import (
     after_effect_deg,
@@ -360,11 +359,9 @@ def test_from_calibration_to_the_tables(studied, result):
 
 
 @pytest.mark.ci
-def test_figures_show_every_participant(studied, result):
+def test_figures_show_every_participant(result):
     figure = distributions(result, "7.2 validation, FE")
     assert [len(a.lines) for a in figure.axes] == [2, 2, 2]
-    last = [scene for _, scene, _ in replay(next(StudyFolder.open(studied).sessions())[2])][-1]
-    assert len(draw(last).axes[0].patches) >= 3
 
 
 @pytest.mark.ci

@@ -278,8 +278,6 @@ def audit(folder: FolderArgument) -> None:
         out.print(f"{e.utc or 'no time'} ({e.clock or 'clock unknown'}) {e.by}: {e.kind}{told}")
     for name, digest in study.content().items():
         out.print(f"{name}: SHA-256 {digest}")
-    if not study.content_at_first():
-        out.print("Protocol and tasks were not recorded when the study was created: not checked.")
     problems = study.problems()
     if problems:
         fix = "Restore these files from a copy; a broken log: esea-host study repair FOLDER."

@@ -127,8 +127,8 @@ def _of(stratum: str) -> str:
 class Allocations:
     """What a study's record says of its groups.
 
-    A study of real people has a list.  A simulated one, and one of an earlier version, have the
-    groups that follow from the protocol's seed until a list is made, and who has begun keeps them.
+    A study of real people has a list.  A simulated one has the groups that follow from the
+    protocol's seed until a list is made, and who has begun keeps them.
     """
 
     def __init__(

@@ -27,7 +27,7 @@ from esea_host.study.log import EventLog, LogFound, LoggedEvent, read_log
 from esea_host.study.plan import build_plan
 from esea_host.study.privacy import fingerprint, keyed, study_key
 from esea_host.study.protocol import Protocol, parse_protocol
-from esea_host.study.records import AUDIT, check_record, consent_date, ends, lack, program, renamed
+from esea_host.study.records import AUDIT, check_record, consent_date, ends, lack, program
 from esea_host.study.session import SessionState, StudySession, state_of
 from esea_host.study.source import InputSource
 from esea_host.study.task import Row
@@ -88,7 +88,7 @@ class StudyFolder:
         return cls(path, parse_protocol(text, PROTOCOL, (), *given), durable, by)
 
     def content_at_first(self) -> Mapping[str, str]:
-        """As :meth:`content` when the study was created; empty where it was not recorded."""
+        """As :meth:`content` when the study was created."""
         created = next((d for k, d in self.audited(strict=False) if k == "created"), {})
         content = created.get("content")
         return content if isinstance(content, dict) else {}
@@ -145,7 +145,7 @@ class StudyFolder:
         path = self.path / AUDIT
         found = read_log(path, self._found)
         if found is not self._found:
-            self._found, self._entries = found, [renamed(e) for e in found.entries]
+            self._found, self._entries = found, list(found.entries)
         if strict:
             found.sound(path)
         wrong = {e.number: words for e in self._entries if (words := lack(e.kind, e.data))}
@@ -162,7 +162,7 @@ class StudyFolder:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         record = read_log(self.path / AUDIT)
         found = [f"{AUDIT}: {b}" for b in record.breaks]
-        lacks = [(e.number, lack(e.kind, e.data)) for e in map(renamed, record.entries)]
+        lacks = [(e.number, lack(e.kind, e.data)) for e in record.entries]
         found += [f"{AUDIT}: line {n + 1}: {words}" for n, words in lacks if words]
         begun = self.content_at_first()
         now = self.content() if begun else {}
@@ -304,7 +304,6 @@ class StudyFolder:
     def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
         """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
         found: list[Row] = []
-        mark = {"simulated": self.simulated}  # rows of former versions have none
         for _, session, path in self.sessions(code):
             if before is None or session < before:
                 try:
@@ -314,7 +313,7 @@ class StudyFolder:
                         raise
                     self.leave_out(path, error)
                     continue
-                found += [{**mark, **row, "participant": code} for row in past]
+                found += [{**row, "participant": code} for row in past]
         return tuple(found)
 
     def session(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from datetime import date as calendar_date
 from functools import cache
 from pathlib import Path
@@ -14,7 +13,7 @@ import esea_gen
 import esea_host
 from esea_gen.errors import UserError
 from esea_gen.version import __version__
-from esea_host.study.log import LoggedEvent, read_log
+from esea_host.study.log import read_log
 
 AUDIT = "audit.jsonl"
 
@@ -42,12 +41,6 @@ RECORDS: Mapping[str, Mapping[str, type | tuple[str, ...]]] = {
     "unblind": {"role": str, "reason": str},
     "repair": {"log": str},
 }
-_FORMER_KINDS = {"enrolled": "enrol", "deleted": "delete"}
-
-
-def renamed(e: LoggedEvent) -> LoggedEvent:
-    """Under the kind that it has today."""
-    return replace(e, kind=_FORMER_KINDS.get(e.kind, e.kind))
 
 
 def lack(kind: str, data: Mapping[str, Any]) -> str:
@@ -85,7 +78,7 @@ def program() -> dict[str, str]:
 def gone_from(folder: Path) -> set[str]:
     """Who has withdrawn, or whose data was deleted, by the study's audit trail if there is one."""
     path = folder / AUDIT
-    entries = map(renamed, read_log(path).entries) if path.exists() else ()
+    entries = read_log(path).entries if path.exists() else ()
     return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from esea_gen.errors import UserError
 from esea_host.study.folder import WAIT_S, StudyFolder
 from esea_host.study.log import EventLog, MovedAside, read_log
-from esea_host.study.records import AUDIT, renamed
+from esea_host.study.records import AUDIT
 
 
 def repair(study: StudyFolder) -> list[str]:
@@ -63,9 +63,9 @@ def _told(name: str, moved: MovedAside) -> str:
 
 def _enter_again(trail: EventLog, moved: MovedAside) -> int:
     once = ("created", "enrol")
-    known = {(e.kind, e.data.get("participant")) for e in map(renamed, trail.found.entries)}
+    known = {(e.kind, e.data.get("participant")) for e in trail.found.entries}
     count = 0
-    for e in map(renamed, moved.lines):
+    for e in moved.lines:
         key = e.kind, e.data.get("participant")
         if e.kind not in once or key not in known:
             was = {"utc": e.utc, "by": e.by, "n": e.number}

@@ -7,11 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
-
-from esea_host.study.words import ENGLISH, words_of
-
 Kind = Literal["disc", "ring", "square", "line"]
 # Okabe and Ito's colours: told apart with any common colour blindness; shape and size tell too.
 COLOURS = {
@@ -70,25 +65,3 @@ class Scene:
         shapes = [(s.kind, s.role, s.x, s.y, s.size, s.to_x, s.to_y) for s in self.shapes]
         texts = [(t.key, sorted(t.values.items())) for t in self.texts]
         return hashlib.sha256(repr((shapes, texts, self.half_width)).encode()).digest()
-
-
-def draw(scene: Scene, language: str = ENGLISH) -> Figure:
-    figure = Figure(figsize=(5, 5), facecolor=COLOURS["background"])
-    axes = figure.add_axes((0, 0, 1, 1))
-    half = scene.half_width
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    axes.axis("off")
-    for s in scene.shapes:
-        colour = COLOURS[s.role]
-        if s.kind == "line":
-            axes.plot([s.x, s.to_x], [s.y, s.to_y], color=colour, linewidth=1.5)
-        elif s.kind == "square":
-            corner = (s.x - s.size, s.y - s.size)
-            axes.add_patch(Rectangle(corner, 2 * s.size, 2 * s.size, color=colour))
-        else:
-            axes.add_patch(Circle((s.x, s.y), s.size, color=colour, fill=s.kind == "disc", lw=2))
-    for k, text in enumerate(scene.texts):
-        where = (0, half * (0.9 - 0.12 * k))
-        words = words_of(language).scene(text.key, text.values)
-        axes.text(*where, words, color=COLOURS["text"], ha="center", fontsize=13)
-    return figure

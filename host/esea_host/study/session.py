@@ -105,7 +105,7 @@ def _state_of(found: LogFound) -> SessionState:
         ended=ended,
         torn=len(found.torn),
         last_s=found.entries[-1].time_s,
-        simulated=bool(head.get("simulated", any(r.get("simulated") for r in ready))),
+        simulated=bool(head["simulated"]),
         rehearsal=bool(head.get("rehearsal")),
         about=dict(head.get("about", {})),
         content_hash=next(filter(None, (r.get("content_hash") for r in ready)), ""),
@@ -118,15 +118,7 @@ def _rows_after(past: list[Row], e: LoggedEvent) -> list[Row]:
         return [*past, e.data["row"]]
     if e.kind == "repeat":
         return [row for row in past if row["trial"] != e.data["trial"]]
-    if e.kind == "correction":
-        return [_corrected(row, e.data) for row in past]
     return past
-
-
-def _corrected(row: Row, change: Mapping[str, Any]) -> Row:
-    if row["trial"] != change["trial"]:
-        return row
-    return {**row, change["column"]: change["new"]}
 
 
 class StudySession:
@@ -346,17 +338,6 @@ class StudySession:
     def note(self, text: str) -> None:
         self.say("note", text=text)
 
-    def correct(self, trial: int, column: str, new: Any, reason: str) -> None:
-        """Correct a value of a row; the old one stays in the log."""
-        old = next((r[column] for r in self.state.past if r["trial"] == trial), None)
-        if old is None or not reason:
-            raise UserError(
-                f"Trial {trial} has no value {column!r} to correct, or no reason was given.",
-                "Name a completed trial, one of its columns and the reason.",
-            )
-        self.say("correction", trial=trial, column=column, old=old, new=new, reason=reason)
-        self._reread()
-
     def close(self) -> None:
         self.log.close()
 
@@ -413,9 +394,7 @@ def _replay(
     told: Callable[[int, StudyTask, float], Inputs] | None,
 ) -> Iterator[tuple[int, Scene, bool]]:
     plan = plan_from(entries[0].data["plan"])
-    past: list[
-        Mapping[str, Any]
-    ] = []  # of this session: only its own rows are repeated or corrected
+    past: list[Mapping[str, Any]] = []  # of this session: only its own rows are repeated
     attempt = -1
     for e in entries:
         if e.kind == "trial":
