@@ -49,7 +49,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "host": (
         "Host: boards and recordings",
         (
-            *(f"esea_host.connection.{m}" for m in ("device", "asynchronous")),
+            "esea_host.connection.device",
             *(f"esea_host.recording.{m}" for m in ("log", "clock")),
         ),
     ),

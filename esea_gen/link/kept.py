@@ -16,7 +16,6 @@ COUNTERS = ("starts", "armings", "faults", "watchdog_resets", "saves", "active_s
 _ZEROS = ("none", "taken", "put back")
 _ROOM = 4  # encoders in a message
 _RELEASE = _FORGET = 255
-_TRIES = 3
 _SUM = "kept: "  # begins the last of the texts on kept values
 _VALUE = re.compile(r"kept (\S+) (\S+): (clipped|out of bounds|conflicting|unknown)")
 
@@ -172,16 +171,13 @@ def read_blackbox(
 
 
 def _part(session: Session, first: int, records: int = 0) -> Any:
-    # Asked again where a frame was lost: a question changes nothing.
-    for again in range(_TRIES):
-        question = (first, 0, 0, 0, records, 0, 0, [0] * 224)
-        session.send(session.message("ESEA_BLACKBOX", *question))
-        try:
-            return session.wait_for("ESEA_BLACKBOX", wanted=lambda m: m.first == first)
-        except LinkError:
-            if again + 1 == _TRIES:
-                raise
-    raise AssertionError("unreachable")
+    name = "ESEA_BLACKBOX"
+    question = session.message(name, first, 0, 0, 0, records, 0, 0, [0] * 224)
+
+    def answer(limit_s: float) -> Any:
+        return session.wait_for(name, limit_s, lambda m: m.first == first)
+
+    return session.repeated(name, lambda: session.send(question), answer)
 
 
 def release_blackbox(session: Session) -> None:

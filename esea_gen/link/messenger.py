@@ -185,7 +185,7 @@ class Messenger:
     def learn_time(self) -> BoardTime:
         self._board_time = None
         found = partial(self._until, lambda: self._board_time, "ESEA_STAMP")
-        told: BoardTime = self._repeated("ESEA_STAMP", self._ask_time, found)
+        told: BoardTime = self.repeated("ESEA_STAMP", self._ask_time, found)
         return told
 
     def boot_number(self) -> int:
@@ -356,14 +356,14 @@ class Messenger:
         # A stop or a question may come twice; anything else expires.
         once = self._expires(message) or command == self.dialect.MAV_CMD_COMPONENT_ARM_DISARM
         for _ in self.attempts():
-            ack = self._repeated("COMMAND_ACK", ask, answer, 1 if once else TRIES)
+            ack = self.repeated("COMMAND_ACK", ask, answer, 1 if once else TRIES)
             self.was_late = bool(ack.result_param2)
         return int(ack.result)
 
-    def _repeated(
+    def repeated(
         self, name: str, ask: Callable[[], None], answer: Callable[[float], Any], tries: int = TRIES
     ) -> Any:
-        # A line may lose a question, or its answer.
+        """Ask, and ask again where the line has lost the question or its answer."""
         if self._asked_again:  # late answers to what was asked before
             self._pending = deque(m for m in self._pending if m.get_type() != name)
         for left in reversed(range(tries)):
@@ -415,7 +415,7 @@ class Messenger:
             if self.command(command, wanted, float(number)) == self._denied:
                 raise LinkError(f"the board does not send {name}", UNSIGNED)
 
-        return self._repeated(name, ask, lambda limit_s: self.wait_for(name, limit_s))
+        return self.repeated(name, ask, lambda limit_s: self.wait_for(name, limit_s))
 
     def info(self) -> Any:
         return self.ask_for("ESEA_INFO")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from esea_gen.link import signing, streams
-from esea_gen.link.messenger import BOARD, HOST, TRIES, Address, Messenger
+from esea_gen.link.messenger import BOARD, HOST, Address, Messenger, UnansweredError
 from esea_gen.link.parameters import BoardParameter, find_parameter, known_parameters
 from esea_gen.link.streams import BoardStream, StreamSamples, StreamSignal
 from esea_gen.link.transport import LinkError, Transport
@@ -168,26 +170,20 @@ class Session(Messenger):
         known = self.known_parameters()
         found: dict[int, float] = {}
         self.send(self.message("PARAM_REQUEST_LIST", *self.board))
-        for _ in range(TRIES):
+        with suppress(UnansweredError):
             while len(found) < len(known):
-                try:
-                    value = self.wait_for("PARAM_VALUE", min(1.0, self.timeout_s))
-                except LinkError:
-                    break
+                value = self.wait_for("PARAM_VALUE", min(1.0, self.timeout_s))
                 found[value.param_index] = float(value.param_value)
-            # A frame may have been lost on the way.
-            for p in known:
-                if p.index not in found:
-                    request = self.message("PARAM_REQUEST_READ", *self.board, b"", p.index)
-                    self.send(request)
-        if len(found) < len(known):
-            raise LinkError(f"only {len(found)} of {len(known)} parameters came")
+        # A frame may have been lost on the way.
+        lost = (p for p in known if p.index not in found)
+        found |= {p.index: self.parameter(p.name) for p in lost}
         return {p.name: found[p.index] for p in known}
 
     def parameter(self, name: str) -> float:
         p = find_parameter(self.known_parameters(), name)
-        self.send(self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1))
-        answer = self._told_of(p)
+        question = self.message("PARAM_REQUEST_READ", *self.board, p.id.encode(), -1)
+        told = partial(self._told_of, p)
+        answer = self.repeated("PARAM_VALUE", lambda: self.send(question), told)
         if answer.get_type() == "PARAM_ERROR":
             raise LinkError(f"the board has no {p.name}", "Its firmware is of another device.")
         return float(answer.param_value)
@@ -211,14 +207,14 @@ class Session(Messenger):
         what = f"{p.name} = {value:g} {p.unit} is outside {p.low:g} to {p.high:g}"
         raise LinkError(f"{what}; it was left as it is")
 
-    def _told_of(self, p: BoardParameter) -> Any:
+    def _told_of(self, p: BoardParameter, limit_s: float | None = None) -> Any:
         def fits(message: Any) -> bool:
             kind = message.get_type()
             return kind in ("PARAM_VALUE", "PARAM_ERROR") and bool(message.param_id == p.id)
 
         # An answer to an earlier question is no answer to this one.
         self._pending = deque(m for m in self._pending if not fits(m))
-        return self._wait(fits, "PARAM_VALUE")
+        return self._wait(fits, "PARAM_VALUE", limit_s)
 
     def save_parameters(self) -> None:
         """Have the board keep the values in force without power."""

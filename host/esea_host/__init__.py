@@ -3,8 +3,7 @@
 Rooms, from the top floor down: ``cli``; the windows; the three studies; the study engine; the
 simulated board; the connection to a board; recordings; metrics and statistics.
 
-``esea_host.connect`` and ``esea_host.open_device`` reach a board, ``esea_host.open_log`` a
-recording.
+``esea_host.open_device`` reaches a board, ``esea_host.open_log`` a recording.
 """
 
 from __future__ import annotations
@@ -12,12 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from esea_host.connection import connect, open_device
+    from esea_host.connection import open_device
     from esea_host.recording import open_log
 
-__all__ = ["connect", "open_device", "open_log"]
+__all__ = ["open_device", "open_log"]
 
-_ROOMS = {"connect": "connection", "open_device": "connection", "open_log": "recording"}
+_ROOMS = {"open_device": "connection", "open_log": "recording"}
 
 
 def __getattr__(name: str) -> Any:

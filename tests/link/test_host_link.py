@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import dataclasses
 import json
@@ -15,6 +14,7 @@ import sys
 import threading
 import time
 from functools import cache
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -278,18 +278,11 @@ def server(drive):
         yield port
 
 
-def test_from_a_program_with_an_event_loop(server):
-    async def program():
-        async with esea_host.connect(f"tcp:127.0.0.1:{server}") as device:
-            await device.zero()
-            found = []
-            async for sample in device.stream("tau_Nm"):
-                found.append(sample)
-                if len(found) == 300:
-                    break
-            return found, await device.state()
-
-    found, state = asyncio.run(program())
+def test_samples_one_after_another(server):
+    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+        device.zero()
+        found = list(islice(device.samples("tau_Nm"), 300))
+        state = device.state()
     assert np.all(np.diff([s.tick for s in found]) == 1)
     assert {tuple(s.values) for s in found} == {("tau_Nm",)}
     assert state in ("ZEROING", "READY", "UNREFERENCED")  # who sways is not zeroed
@@ -490,7 +483,7 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
 def test_the_example_runs(server, tmp_path):
     example = runpy.run_path(str(ROOT / "examples" / "host_trial.py"))
     path = tmp_path / "a.mcap"
-    largest_Nm = asyncio.run(example["trial"](f"tcp:127.0.0.1:{server}", str(path)))
+    largest_Nm = example["trial"](f"tcp:127.0.0.1:{server}", str(path))
     log = esea_host.open_log(path)
     assert log.events("parameters")[0]["smc.lambda_1_s"] == 12
     assert largest_Nm <= np.abs(log["sense_out"]["tau_Nm"]).max() + 0.5

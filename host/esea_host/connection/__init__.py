@@ -1,20 +1,17 @@
 """A board at the other end: found, checked, listened to without a pause, commanded."""
 
-from esea_host.connection.asynchronous import AsyncDevice, connect
 from esea_host.connection.device import ConnectedDevice, RunSample
 from esea_host.connection.opening import hands_at, life_told, open_device
 from esea_host.connection.played import PlayedBoard
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 
 __all__ = [
-    "AsyncDevice",
     "Batch",
     "ConnectedDevice",
     "PlayedBoard",
     "Receiver",
     "RunSample",
     "Subscription",
-    "connect",
     "hands_at",
     "life_told",
     "open_device",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import threading
 import time
-from collections.abc import Collection, Generator, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -330,21 +330,6 @@ class ConnectedDevice:
         LinkError
             When the board is silent for longer, or the link has gone.
         """
-        for batch in self.sample_batches(names, timeout_s):
-            yield from batch
-
-    def sample_batches(
-        self, names: tuple[str, ...], timeout_s: float
-    ) -> Generator[list[RunSample]]:
-        """Runs of one stream, those that came together at a time; see :meth:`samples`.
-
-        Parameters
-        ----------
-        names : tuple of str
-            A stream, or signals of one stream.
-        timeout_s : float
-            Longest silence.
-        """
         stream, wanted = self._chosen(names)
         subscription = self.receiver.subscribe([stream])
         try:
@@ -353,7 +338,8 @@ class ConnectedDevice:
                 if not batches:
                     what = f"no {stream} came within {timeout_s:g} s"
                     raise LinkError(what, "Does the board run?")
-                yield [sample for batch in batches for sample in _run_samples(batch, wanted)]
+                for batch in batches:
+                    yield from _run_samples(batch, wanted)
         finally:
             self.receiver.unsubscribe(subscription)
 
