@@ -244,7 +244,7 @@ def use_recording(folder: Path, data: bytes) -> None:
                 for part in table.pieces():
                     assert len(part)
                 table.frame()
-                list(log.read_timed(stream, damaged=True))
+                list(log.read_timed(stream))
         for topic in log.topics:
             with contextlib.suppress(UserError):
                 log.events(topic)

@@ -97,7 +97,6 @@ def replay(
         )
         out.print(f"The recording is {verdict.integrity}.")
         _list("damage", verdict.integrity.damages)
-        _list("changed", verdict.changed)
         _list("different", verdict.differences)
         if not verdict.same:
             out.print("NOT THE SAME" if verdict.differences else "NOTHING TO COMPARE")

@@ -88,14 +88,6 @@ class StreamLayout:
             out[column.name].view(bits)[...] = found
         return out
 
-    def framed(self, data: bytes) -> Array:
-        """Which of the messages, of this layout's size, have its tags; shape (n,)."""
-        records = np.frombuffer(data, self.record_dtype)
-        names = [n for n in self.record_dtype.names or () if n.startswith(("tag ", "length "))]
-        wanted = self.record(np.zeros(1, self.dtype))[0]
-        same = [(records[n] == wanted[n]).all(axis=1) for n in names]
-        return np.asarray(np.logical_and.reduce(same))
-
     def descriptor(self) -> bytes:
         """The protobuf ``FileDescriptorSet`` that says so to everybody else."""
         fields = b""

@@ -17,7 +17,7 @@ from esea_gen.errors import UserError
 from esea_gen.link.received import shown
 from esea_host.recording.integrity import Gap, GapError, Integrity, RecordingState
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.recording.reader import LogFile, Rows
+from esea_host.recording.reader import LogFile
 
 if TYPE_CHECKING:
     import pandas
@@ -296,40 +296,19 @@ class Log(LogFile):
         for rows, _ in self.read_timed(stream):
             yield rows
 
-    def read_timed(self, stream: str, damaged: bool = False) -> Iterator[tuple[Array, Array]]:
+    def read_timed(self, stream: str) -> Iterator[tuple[Array, Array]]:
         """Rows and board times of every piece.
 
         Parameters
         ----------
         stream : str
             One of :attr:`streams`.
-        damaged : bool
-            With the rows of damaged pieces whose frame and time fit to those before: to name what
-            was changed, not to compute with.
         """
-        layout, before = self._layout(stream), None
+        layout = self._layout(stream)
         for piece in self.pieces:
-            found = self.rows_of(piece, stream, damaged)
-            if found is None:
-                continue
-            if piece.problem:
-                rows, board_ns = self._plausible(layout, found, before)
-            else:
-                rows, board_ns = found.of(layout), found.board_ns
-                before = int(rows[TICK][-1]), int(board_ns[-1])
-            if len(rows):
-                yield rows, board_ns
-
-    def _plausible(
-        self, layout: StreamLayout, found: Rows, before: tuple[int, int] | None
-    ) -> tuple[Array, Array]:
-        size = layout.record_dtype.itemsize
-        if before is None or (found.lengths != size).any():
-            return np.empty(0, layout.dtype), np.empty(0, np.int64)
-        rows, ns = found.of(layout), found.board_ns
-        late_ns = (rows[TICK].astype(np.int64) - before[0]) * round(self.tick_s * 1e9)
-        fits = layout.framed(found.data) & (ns - before[1] == late_ns) & (ns > before[1])
-        return rows[fits], ns[fits]
+            found = self.rows_of(piece, stream)
+            if found is not None:
+                yield found.of(layout), found.board_ns
 
     def __getitem__(self, stream: str) -> Table:
         """All of a stream.

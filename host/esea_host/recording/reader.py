@@ -230,10 +230,10 @@ class LogFile(PieceFile):
         encoding = str(found.message_encoding)
         return f"{encoding or 'unnamed'} ({schema.name})" if schema else encoding
 
-    def rows_of(self, piece: Piece, topic: str, damaged: bool = False) -> Rows | None:
+    def rows_of(self, piece: Piece, topic: str) -> Rows | None:
         """Messages of a topic in a piece; None where it has none, or is damaged."""
         numbers = self.topics.get(topic, [])
-        if piece.problem and (not damaged or piece.compression):
+        if piece.problem:
             return None
         if piece.spans is not None and not np.isin(piece.spans["channel"], numbers).any():
             return None

@@ -10,7 +10,6 @@ the sources in a recording are never read.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -45,14 +44,10 @@ class ReplayDifference:
     signal: str  # the output, or a word of the state in a key frame
     recorded: float
     computed: float
-    input_signal: str = ""  # the input that explains it, where a single flipped bit of one does
 
     def __str__(self) -> str:
         where = f"tick {self.tick} ({self.time_s:.3f} s), {self.stream}.{self.signal}"
-        text = f"{where}: recorded {self.recorded!r}, computed {self.computed!r}"
-        if self.input_signal:
-            text += f"; one flipped bit of the input {self.input_signal} explains it"
-        return text
+        return f"{where}: recorded {self.recorded!r}, computed {self.computed!r}"
 
 
 @dataclass
@@ -63,7 +58,6 @@ class ReplayVerdict:
     unproven: int = 0
     key_frames: int = 0  # complete ones
     differences: list[ReplayDifference] = field(default_factory=list)  # in sound pieces
-    changed: list[ReplayDifference] = field(default_factory=list)
 
     @property
     def same(self) -> bool:
@@ -84,20 +78,7 @@ class _KeyFrame:
 
 
 def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
-    replay = _Replay(log)
-    found = replay.run(progress or (lambda _: None))
-    if any(p.problem and not p.compression for p in log.pieces):
-        # To name what was changed: with the rows of damaged pieces, and of what then differs only
-        # what stands in them.
-        sound = {(f"{t.name}_out", ns) for t in replay.tasks for ns in t.told_at.tolist()}
-        with contextlib.suppress(UserError):
-            again = _Replay(log, damaged=True).run(lambda _: None)
-            found.changed = [
-                d
-                for d in again.differences
-                if d.input_signal or (d.stream, round(d.time_s * 1e9) + log.start_ns) not in sound
-            ]
-    return found
+    return _Replay(log).run(progress or (lambda _: None))
 
 
 def device_of(log: Log) -> Device:
@@ -186,8 +167,8 @@ def _rows_at(times: Array, ns: Array) -> list[int]:
 
 
 class _Replay:
-    def __init__(self, log: Log, damaged: bool = False) -> None:
-        self.log, self.damaged = log, damaged
+    def __init__(self, log: Log) -> None:
+        self.log = log
         device = device_of(log)
         for needed in (KEY, f"{device.system.tasks[0].name}_in"):
             if needed not in log.streams:
@@ -224,7 +205,7 @@ class _Replay:
         if layout and (not wanted or layout.shape != wanted.shape):
             what = f"{self.log.path.name}: {stream} has other columns than the device."
             raise UserError(what, "Record with esea-host.")
-        parts = list(self.log.read_timed(stream, self.damaged))
+        parts = list(self.log.read_timed(stream))
         if not parts:
             raise UserError(f"{self.log.path.name} has no stream {stream}.", "Record all streams.")
         return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
@@ -265,7 +246,6 @@ class _Replay:
         beyond = v.integrity.lost.get(f"{first.name}_in", 0) - (span - len(first.given))
         v.unproven = span + max(0, beyond) - v.ticks
         v.differences.sort(key=lambda d: (d.time_s, d.stream))
-        self._explain()
         del v.differences[MOST_DIFFERENCES:]
         return v
 
@@ -348,38 +328,3 @@ class _Replay:
             self.verdict.differences.append(
                 ReplayDifference(KEY, key.tick, time_s, f"state word {word}", *pair)
             )
-
-    def _explain(self) -> None:
-        # An input with one bit wrong shows as outputs that differ from that tick on.
-        fast = self.tasks[0]
-        if not self.verdict.differences:
-            return
-        first = self.verdict.differences[0]
-        if first.stream != f"{fast.name}_out":
-            return
-        ns = round(first.time_s * 1e9) + self.log.start_ns
-        key = next((k for k in reversed(self.keys) if k.ns <= ns), None)
-        if key is None:
-            return
-        self._restore(key)
-        self._run(key, (ns - key.ns) // self.tick_ns)
-        before = self.state.copy()
-        rows = [(given[0], told[0]) for given, told in (t.rows(np.array([ns])) for t in self.tasks)]
-        at, out = rows[0]
-        for f in fast.inputs:
-            held = fast.packed[f.name][at]
-            for bit in range(32):
-                bits = fast.given[f.name][at].view(np.uint32) ^ np.uint32(1 << bit)
-                fast.packed[f.name][at] = f.encode(bits.view(np.float32))
-                self.state[:] = before
-                self.step(first.tick, rows)
-                same = all(
-                    _told(g, fast.computed[g.name][out]).tobytes()
-                    == fast.told[g.name][out].tobytes()
-                    for g in fast.outputs
-                )
-                fast.packed[f.name][at] = held
-                if same:
-                    explained = ReplayDifference(**{**vars(first), "input_signal": f.name})
-                    self.verdict.differences = [explained]
-                    return

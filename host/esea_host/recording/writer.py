@@ -35,7 +35,7 @@ EVENT_SCHEMA: dict[str, Any] = {"type": "object", "properties": {}, "additionalP
 class Recorder:
     """A recording that is being written; ``piece_s``: after how long a piece is, at the latest.
 
-    Nothing is overwritten.  Uncompressed, ``replay --verify`` can name a bit that was changed.
+    Nothing is overwritten.
     """
 
     def __init__(
