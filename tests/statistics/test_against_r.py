@@ -31,15 +31,6 @@ two <- function(s, o) min(1, 2 * min(mean(s <= o + 1e-9), mean(s >= o - 1e-9)))
 signs <- function(d) {
   r <- rank(abs(d)); all <- as.matrix(expand.grid(rep(list(0:1), length(d))))
   two(all %*% r, sum(r[d > 0])) }
-ranks <- function(v, f) {
-  if (length(v) > 50) return(wilcox.test(v[f], v[!f], exact = FALSE)$p.value)
-  if (!any(duplicated(v))) return(wilcox.test(v[f], v[!f], exact = TRUE)$p.value)
-  r <- rank(v); two(combn(r, sum(f), sum), sum(r[f])) }
-dz <- function(x) {
-  n <- length(x); s <- sqrt(n) * mean(x) / sd(x)
-  end <- function(p) uniroot(function(d) pt(s, n - 1, d) - p, s + c(-1, 1) * (20 + abs(s)),
-    tol = 1e-10)$root / sqrt(n)
-  c(end(0.975), end(0.025)) }
 bayes <- function(x) {
   n <- length(x); s <- sqrt(n) * mean(x) / sd(x)
   like <- function(d) dt(s, n - 1, d * sqrt(n)) * dcauchy(d, 0, sqrt(0.5))
@@ -95,7 +86,6 @@ def paired(d):
     if np.std(d) > 0:
         e = standardised_difference(d)
         yield (e.p, e.low, e.high), f"with(t.test({text}), c(p.value, conf.int))"
-        yield (e.dz_low, e.dz_high), f"dz({text})"
         yield bayes_paired(d).log_bayes_factor_01, f"bayes({text})"
 
 
@@ -108,9 +98,6 @@ def periods(n, draw, rng):
     turned = np.where(first, -change, change)
     effects = found.treatment, found.period, found.carry_over
     for effect, v in zip(effects, (change, turned, np.round(one + two, 9)), strict=True):
-        split = f"{vector(v)}, {flags(first)}"
-        if n <= 19 or n > 50:
-            yield effect.p_rank, f"ranks({split})"
         if np.isfinite(effect.p):
             groups = f"{vector(v[first])}, {vector(v[~first])}"
             yield effect.p, f"t.test({groups}, var.equal = TRUE)$p.value"

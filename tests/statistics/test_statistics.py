@@ -125,10 +125,6 @@ def test_rs_paired_t():
     assert (found.mean, found.low, found.high) == pytest.approx((-1.58, -2.459886, -0.7001142))
     assert found.p == pytest.approx(0.002833, abs=5e-7)
     assert found.dz == pytest.approx(-4.0621 / math.sqrt(10), abs=1e-5)
-    # The ends of d_z are those whose noncentral t has the statistic at a tail of 2.5 %.
-    for end, tail in ((found.dz_low, 0.975), (found.dz_high, 0.025)):
-        below = scipy.stats.nct.cdf(-4.062128, 9, end * math.sqrt(10))
-        assert below == pytest.approx(tail, abs=1e-5)
 
 
 def test_holm():
@@ -194,30 +190,12 @@ def analysed(one, two, forward):
     return crossover(one, two, np.where(forward, "S", "E").tolist(), ("S", "E"))
 
 
-def enumerated_ranks(values, group):
-    """Every allocation to two groups, counted one by one."""
-    ranks = scipy.stats.rankdata(np.round(values, 6))
-    sums = np.array([sum(c) for c in itertools.combinations(ranks, int(group.sum()))])
-    seen = ranks[group].sum()
-    return min(1.0, 2 * min(np.mean(sums <= seen + 1e-9), np.mean(sums >= seen - 1e-9)))
-
-
 @settings(max_examples=25, deadline=None)
 @given(trials())
 def test_crossover_in_any_unit_order_and_naming(trial):
     """Units, people's order, the two periods' and the two treatments' names change no p."""
     one, two, forward, unit = trial
     found = analysed(one, two, forward)
-    total = one + two
-    assert found.carry_over.p_rank == pytest.approx(enumerated_ranks(total, forward))
-    turned = np.where(forward, two - one, one - two)
-    assert found.period.p_rank == pytest.approx(enumerated_ranks(turned, forward))
-    theirs = scipy.stats.mannwhitneyu(
-        np.round(total[forward], 6),
-        np.round(total[~forward], 6),
-        method=scipy.stats.PermutationMethod(n_resamples=np.inf),
-    )
-    assert found.carry_over.p_rank == pytest.approx(theirs.pvalue)
     order = np.random.default_rng(1).permutation(len(one))
     for other, signs, size in (
         (analysed(one * unit, two * unit, forward), (1, 1, 1), unit),
@@ -227,7 +205,6 @@ def test_crossover_in_any_unit_order_and_naming(trial):
     ):
         for name, sign in zip(("treatment", "period", "carry_over"), signs, strict=True):
             a, b = getattr(found, name), getattr(other, name)
-            assert b.p_rank == pytest.approx(a.p_rank, abs=1e-12), name
             assert b.p == pytest.approx(a.p, rel=1e-6, nan_ok=True)
             assert b.estimate == pytest.approx(sign * size * a.estimate, rel=1e-9, abs=1e-12 * size)
 

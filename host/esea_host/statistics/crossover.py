@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import mannwhitneyu, rankdata, t
+from scipy.stats import t
 
 from esea_host.statistics.checks import (
     ROUNDING,
@@ -17,10 +17,8 @@ from esea_host.statistics.checks import (
     NoStatisticError,
     StatisticResult,
     largest,
-    levels,
     numbers,
 )
-from esea_host.statistics.signed_rank import MOST_EXACT
 
 
 @dataclass(frozen=True)
@@ -31,11 +29,8 @@ class Effect(StatisticResult):
     ----------
     estimate, low, high, se : float
         In the data's unit, with interval and standard error.
-    df, p, p_rank : float
-        Degrees of freedom; two-sided p by Student's t and by Wilcoxon-Mann-Whitney (Koch): of up to
-        50 people every allocation to the sequences is counted, with ties (up to 1e-12 of the
-        largest value) as they are; of more the normal distribution, corrected for ties and
-        continuity.
+    df, p : float
+        Degrees of freedom; two-sided p by Student's t.
     """
 
     estimate: float
@@ -44,7 +39,6 @@ class Effect(StatisticResult):
     se: float
     df: int
     p: float
-    p_rank: float
 
 
 @dataclass(frozen=True)
@@ -79,7 +73,7 @@ def crossover(
     first_treatment: Sequence[str],
     treatments: tuple[str, str],
 ) -> Crossover:
-    """Treatment, period and carry-over effects, by t and by ranks.
+    """Treatment, period and carry-over effects.
 
     Parameters
     ----------
@@ -93,8 +87,6 @@ def crossover(
     [1] M. Hills, P. Armitage, "The two-period cross-over clinical trial", Br. J. Clin. Pharmacol.
         8, 1979.
     [2] S. Senn, Cross-over Trials in Clinical Research, 2nd ed., ch. 3.
-    [3] G. G. Koch, "The use of non-parametric methods in the statistical analysis of the two-period
-        change-over design", Biometrics 28, 1972.
     """
     one, two, forward = _checked(first_period, second_period, first_treatment, treatments)
     change, scale = one - two, largest(one, two)
@@ -152,20 +144,4 @@ def _contrast(values: Array, forward: Any, factor: float, scale: float) -> Effec
     estimate = factor * unit * float(a.mean() - b.mean())
     half = float(t.isf(TAIL, df)) * se
     p = float(2 * t.sf(abs(estimate) / se, df)) if se > 0 else float("nan")
-    rank = rank_sum_p(levels(values, scale), forward)
-    return Effect(estimate, estimate - half, estimate + half, se, df, p, rank)
-
-
-def rank_sum_p(values: Any, forward: Any) -> float:
-    """Two-sided Wilcoxon-Mann-Whitney p of two groups; what ties must be equal."""
-    if len(values) > MOST_EXACT and np.ptp(values) > 0:
-        groups = values[forward], values[~forward]
-        return float(mannwhitneyu(*groups, method="asymptotic").pvalue)
-    doubled = np.round(2 * rankdata(values)).astype(int)
-    # Groups of each size, by twice their rank sum.
-    counts = np.zeros((int(forward.sum()) + 1, int(doubled.sum()) + 1))
-    counts[0, 0] = 1.0
-    for rank in doubled:
-        counts[1:, rank:] += counts[:-1, : counts.shape[1] - rank].copy()
-    null, at = counts[-1] / counts[-1].sum(), doubled[forward].sum()
-    return float(min(1.0, 2 * min(null[: at + 1].sum(), null[at:].sum())))
+    return Effect(estimate, estimate - half, estimate + half, se, df, p)

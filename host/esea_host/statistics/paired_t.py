@@ -1,4 +1,4 @@
-"""The standardised mean difference of pairs, with its exact interval."""
+"""The standardised mean difference of pairs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 from scipy.special import chdtr
 from scipy.stats import norm, t
 
@@ -28,8 +27,8 @@ class PairedEffect(StatisticResult):
     ----------
     n, mean, low, high : float
         Pairs; mean difference in the data's unit, and its interval by Student's t.
-    sd, dz, dz_low, dz_high : float
-        Standard deviation of the differences; mean / sd, and its interval by the noncentral t.
+    sd, dz : float
+        Standard deviation of the differences; mean / sd.
     p : float
         Two-sided, paired t test.
     """
@@ -40,8 +39,6 @@ class PairedEffect(StatisticResult):
     high: float
     sd: float
     dz: float
-    dz_low: float
-    dz_high: float
     p: float
 
 
@@ -62,17 +59,6 @@ def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedE
         raise NoStatisticError("All differences are equal.", "They have no standard deviation.")
     statistic = mean / sd * math.sqrt(n)
     half = float(t.isf(TAIL, n - 1)) * sd / math.sqrt(n)
-
-    def end(tail: float) -> float:
-        def off(shift: float) -> float:
-            return 1 - noncentral_t_sf(statistic, n - 1, shift) - tail
-
-        step = math.sqrt(1 + statistic**2 / (2 * (n - 1))) * (1 if tail < 0.5 else -1)
-        far = statistic + step
-        while off(far) * step > 0:
-            far += step
-        return float(brentq(off, *sorted((statistic, far)))) / math.sqrt(n)
-
     return PairedEffect(
         n,
         mean,
@@ -80,8 +66,6 @@ def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedE
         mean + half,
         sd,
         mean / sd,
-        end(1 - TAIL),
-        end(TAIL),
         float(2 * t.sf(abs(statistic), n - 1)),
     )
 
