@@ -18,8 +18,7 @@ from typer.testing import CliRunner
 from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE
-from esea_host.assess import build as build_module
-from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many
+from esea_host.assess.build import PEOPLE, PER_CATEGORY, build, draw_many
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.evaluation import meet
@@ -320,10 +319,9 @@ def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
 
 
 @pytest.mark.slow
-def test_the_shipped_data_base_is_built_again(monkeypatch, tmp_path):
+def test_the_shipped_data_base_is_built_again():
     require_tool("gcc")
-    monkeypatch.setattr(build_module, "cache_folder", lambda: tmp_path)
-    again, data = build_module.build(), shipped()
+    again, data = build(), shipped()
     assert again.calibration == data.calibration
     assert np.allclose(again.responses, data.responses, atol=1e-5, equal_nan=True)
 
@@ -362,7 +360,7 @@ def test_the_judge_counts(tmp_path):
         level = 0.0 if truth in ("rigid", "relaxed") else float(truth[1:].partition("+")[0])
         s, d = (level, 0.0) if truth[0] == "S" else (0.0, level)
         severity = {x: {"mean": level, "low": level, "high": level} for x in "SD"}
-        return Met(group, truth, s, d, way, steps, severity, 0)
+        return Met(group, truth, s, d, way, steps, severity)
 
     rows = [
         met("inside", c, c, w, 2 if w == "expected" else 6)

@@ -59,7 +59,6 @@ class Met:
     way: str
     steps: Array  # probabilities after each movement, shape (movements + 1, hypotheses)
     severity: dict[str, dict[str, float]]
-    asked_again: int
 
 
 def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
@@ -132,7 +131,6 @@ class _Lane:
         self.way, self.session, self.rng, self.inside = way, session, rng, inside
         self.steps = [session.probabilities]
         self.severity: dict[str, dict[str, float]] = {}
-        self.again = 0
 
     def done(self) -> bool:
         made = len(self.steps) - 1
@@ -182,7 +180,7 @@ def meet(
         seeds = [[root, 6, first + i, WAYS.index(lane.way), k] for i, lane in active]
         passages = probed([people[i][1] for i, _ in active], moves, seeds)
         for (_, lane), move, p in zip(active, moves, passages, strict=True):
-            lane.again += not take(lane.session, p, move.location)
+            take(lane.session, p, move.location)
             lane.steps.append(lane.session.probabilities)
             if len(lane.steps) - 1 == MOVEMENTS:
                 lane.severity = lane.session.severity()
@@ -195,7 +193,6 @@ def meet(
             lane.way,
             np.array(lane.steps),
             lane.severity,
-            lane.again,
         )
         for i, lane in lanes
     ]

@@ -149,33 +149,15 @@ def _way(met: list[Met], names: tuple[str, ...], rows: int) -> dict[str, Any]:
     hit = np.array([s.argmax(axis=1) == t for s, t in zip(shown, truth, strict=True)]).astype(float)
     score = np.array([np.log(max(q[t], 1e-12)) for q, t in zip(p, truth, strict=True)])
     curve = calibration_curve(confidence.ravel(), hit.ravel())
-    kinds = [disorder_of(names[s]) for s in said]
-    same = [k is not None and k[0] == m.truth[0] for k, m in zip(kinds, met, strict=True)]
-    near = [
-        abs(int(s) - int(t)) <= 1 and names[s][0] == names[t][0]
-        for s, t in zip(said, truth, strict=True)
-    ]
-    sure = [
-        m.steps[motions_to_confidence(m)].argmax() == t
-        for m, t in zip(met, truth, strict=True)
-        if motions_to_confidence(m) < min(MOST, len(m.steps))
-    ]
     return {
         "accuracy": right.mean(),
-        "accuracy_interval": share_interval(int(right.sum()), len(right)),
-        "right_disorder": np.mean(same),
-        "within_one_severity": np.mean(near),
-        "right_when_95": np.mean(sure) if sure else None,
         "log_score": score.mean(),
-        "log_score_interval": interval(lambda i: score[i].mean(), len(score)),
         "confusion": confusion(truth, said, rows, len(names)),
         "calibration_error": calibration_error(confidence.ravel(), hit.ravel()),
         "calibration_error_interval": interval(
             lambda i: calibration_error(confidence[i].ravel(), hit[i].ravel()), len(met)
         ),
-        "calibration_error_final": calibration_error(confidence[:, -1], hit[:, -1]),
         "calibration_curve": dict(zip(("confidence", "right", "count"), curve, strict=True)),
-        "asked_again": np.mean([m.asked_again / (len(m.steps) - 1) for m in met]),
     }
 
 
