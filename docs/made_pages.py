@@ -54,13 +54,10 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "metrics": (
-        "Smoothness and statistics",
+        "Smoothness",
         (
             *(f"esea_host.smoothness.{m}" for m in ("spectral", "jerk", "peaks", "vibration")),
-            *(f"esea_host.smoothness.{m}" for m in ("chain", "sensitivity", "result", "checks")),
-            *(f"esea_host.statistics.{m}" for m in ("signed_rank", "paired_t", "crossover")),
-            *(f"esea_host.statistics.{m}" for m in ("mixed", "bayes", "power", "agreement")),
-            *(f"esea_host.statistics.{m}" for m in ("multiplicity", "checks")),
+            "esea_host.smoothness.chain",
         ),
     ),
 }

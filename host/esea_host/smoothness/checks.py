@@ -22,14 +22,7 @@ ALIASED = 0.2
 class NoAnswerError(ValueError):
     """The signal has no smoothness, or not with these settings.
 
-    Parameters
-    ----------
-    reason : str
-        ``shape``, ``rate``, ``short``, ``gap``, ``constant``, ``aliased``, ``cutoff``, ``setting``.
-    what : str
-        What is wrong, the value against its limit.
-    fix : str
-        What to do about it.
+    reason: shape, rate, short, gap, constant, aliased, cutoff or setting.
     """
 
     def __init__(self, reason: str, what: str, fix: str) -> None:
@@ -147,18 +140,9 @@ def _steady(time_s: ArrayLike, samples: int, fs_Hz: float) -> None:
 
 
 def steady_rate(time_s: ArrayLike) -> float:
-    """Sampling rate of frames with these times, which may be rounded.
+    """Sampling rate in Hz of frames with these times, which may be rounded, to six digits.
 
-    Parameters
-    ----------
-    time_s : array_like
-        Shape (samples,), rising from first to last.
-
-    Returns
-    -------
-    float
-        In Hz, to six digits; of stamps that are rounded to more than 1 % of a period the roundest
-        rate that they allow.
+    Of stamps that are rounded to more than 1 % of a period the roundest rate that they allow.
     """
     time = as_samples(time_s, "The time")
     if time.ndim != 1 or len(time) < 2 or not time[-1] > time[0] or not np.isfinite(time).all():

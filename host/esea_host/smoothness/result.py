@@ -13,18 +13,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Processing:
-    """How a signal was filtered and differentiated.
-
-    Parameters
-    ----------
-    filter, steps : str and tuple of str
-        Type and order of the filter; the steps in their order.
-    stop_Hz, attenuation_dB, half_power_Hz : float
-        Edge of the stop band and least attenuation in it; where half of the power passes; of both
-        passes together.
-    window : str
-        What became of the ends of the record.
-    """
+    """How a signal was filtered and differentiated; stop band and half power: of all passes."""
 
     filter: str
     stop_Hz: float
@@ -38,22 +27,9 @@ class Processing:
 class SmoothnessResult:
     """One metric of one movement, or of several: value, convention, settings.
 
-    Parameters
-    ----------
-    metric, unit, convention, definition : str
-        Which metric, its unit, whose definition, and the formula that was evaluated.
-    value : float or ndarray
-        A number for a 1-D signal; for a 2-D stack one for each row, shape (movements,).
-    larger_is_smoother : bool
-        Sign of the metric.
-    fs_Hz, samples : float and int
-        Sampling rate, and samples of one movement.
-    cutoff_Hz, threshold : float, optional
-        Upper end of the band and share of the maximum from which on the metric looks.
-    window, processing : str and Processing
-        Window over the samples; filter before the metric; None: taken as given.
-    settings : dict
-        Other settings of the metric.
+    value: a number for a 1-D signal; for a 2-D stack one for each row.  cutoff_Hz, threshold: upper
+    end of the band, and share of the maximum from which on the metric looks.  processing: the
+    filter before the metric; None: taken as given.
     """
 
     metric: str

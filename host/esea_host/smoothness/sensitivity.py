@@ -15,14 +15,9 @@ from esea_host.smoothness.result import SmoothnessResult
 
 @dataclass(frozen=True)
 class Band:
-    """A metric over a grid of its settings.
+    """A metric over a grid of its settings: as they are, smallest and largest, by movement.
 
-    Parameters
-    ----------
-    value, low, high : float or ndarray
-        With the settings as they are, and smallest and largest over the grid, by movement.
-    grid, refused : dict and tuple of str
-        The settings with the values that they took; those without an answer, with the reason.
+    refused: the settings without an answer, with the reason.
     """
 
     value: Any
@@ -41,22 +36,7 @@ class Band:
 def sensitivity_band(metric: Callable[..., SmoothnessResult], **grid: Sequence[float]) -> Band:
     """Lowest and highest value of a metric over every combination of settings.
 
-    Parameters
-    ----------
-    metric : callable
-        Takes the grid's names as keywords, and works without any of them.
-    **grid : sequence of float
-        Settings with the values that they take, such as ``cutoff_Hz=(5, 10, 20)``.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t = np.arange(0, 1, 0.01)
-    >>> speed = 30 * t**2 * (1 - t) ** 2
-    >>> from esea_host.smoothness import sparc
-    >>> band = sensitivity_band(lambda **s: sparc(speed, 100.0, **s), cutoff_Hz=(5, 10, 20))
-    >>> band.low <= band.value <= band.high
-    True
+    metric: takes the grid's names as keywords, and works without any of them.
     """
     value = metric().value
     values, refused = [value], []

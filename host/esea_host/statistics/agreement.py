@@ -12,17 +12,11 @@ from esea_host.statistics.checks import NoStatisticError, StatisticResult
 
 @dataclass(frozen=True)
 class Agreement(StatisticResult):
-    """Agreement of two coders.
+    """Agreement of two coders of n items: the share observed, and Cohen's kappa.
 
-    Parameters
-    ----------
-    n, observed, kappa : float
-        Items that both coded, the share on which they agree, and Cohen's kappa.
-    low, high : float
-        Its 95 % interval: Fleiss, Cohen and Everitt's; where they agree on all, which leaves that
-        without a width, from Wilson's of the share on which they agree.
-    categories, table : tuple
-        The codes, sorted; counts, first coder's codes in rows.
+    low, high: 95 % interval of Fleiss, Cohen and Everitt; where they agree on all, which leaves
+    that without a width, from Wilson's of the share.  table: counts, the first coder's codes in
+    rows.
     """
 
     n: int
@@ -35,18 +29,7 @@ class Agreement(StatisticResult):
 
 
 def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
-    """Cohen's kappa of two coders.
-
-    Parameters
-    ----------
-    one, other : sequence of str
-        Both coders' code of each item.
-
-    Returns
-    -------
-    Agreement
-        Kappa with its interval; 1 where they agree on all of several codes.
-    """
+    """Cohen's kappa of both coders' codes, item by item; 1 where they agree on all of several."""
     from statsmodels.stats.inter_rater import cohens_kappa as fitted
     from statsmodels.stats.proportion import proportion_confint
 

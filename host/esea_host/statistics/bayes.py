@@ -21,16 +21,9 @@ PRIOR_WIDTH = math.sqrt(0.5)  # of the Cauchy prior on d_z: the default of R's B
 class BayesPaired(StatisticResult):
     """Posterior of the mean difference x - y, normal differences, flat prior on mean and log sd.
 
-    Parameters
-    ----------
-    mean, low, high, probability_positive : float
-        Posterior mean and credible interval in the data's unit; that the mean is above 0.
-    equivalence, probability_equivalent : float
-        Half-width of the range that counts as no difference, 0.2 standard deviations of the
-        differences; that the mean lies within it.
-    bayes_factor_01, log_bayes_factor_01 : float
-        How much more likely the data are under no difference than under d_z ~ Cauchy(0, 0.707); its
-        natural logarithm, for the factor itself may be too small for a number.
+    equivalence: half-width of what counts as no difference, 0.2 standard deviations of them.
+    bayes_factor_01: how much more likely the data are under no difference than under d_z ~
+    Cauchy(0, 0.707); the factor itself may be too small for a number, its logarithm is not.
     """
 
     mean: float
@@ -44,15 +37,8 @@ class BayesPaired(StatisticResult):
 
 
 def bayes_paired(x: ArrayLike, y: ArrayLike | None = None) -> BayesPaired:
-    r"""Posterior of the mean paired difference, and the evidence for none.
+    """Posterior of the mean paired difference, and the evidence for none; x alone: differences.
 
-    Parameters
-    ----------
-    x, y : array_like
-        Both conditions of the same people, shape (n,); without y, x has the differences.
-
-    References
-    ----------
     [1] J. N. Rouder et al., "Bayesian t tests for accepting and rejecting the null hypothesis",
         Psychon. Bull. Rev. 16, 2009, eq. 1.
     """

@@ -23,15 +23,7 @@ from esea_host.statistics.checks import (
 
 @dataclass(frozen=True)
 class Effect(StatisticResult):
-    """An estimate with its interval and tests.
-
-    Parameters
-    ----------
-    estimate, low, high, se : float
-        In the data's unit, with interval and standard error.
-    df, p : float
-        Degrees of freedom; two-sided p by Student's t.
-    """
+    """An estimate in the data's unit, its interval, and its two-sided p by Student's t."""
 
     estimate: float
     low: float
@@ -45,19 +37,10 @@ class Effect(StatisticResult):
 class Crossover(StatisticResult):
     """Analysis of a two-period cross-over.
 
-    Parameters
-    ----------
-    treatments : tuple of str
-        First minus second is the treatment effect.
-    people : dict
-        Number of people by the treatment that they had first.
-    treatment : Effect
-        First treatment minus second, free of the period effect.
-    period : Effect
-        Second period minus first, free of the treatment effect.
-    carry_over : Effect
-        Difference of the two sequences' sums: what differs where the order differs.  It has little
-        power; to let it decide on the analysis biases that (Freeman, 1989), so it decides nothing.
+    people: by the treatment that they had first.  treatment: first minus second, free of the period
+    effect; period: second minus first, free of the treatment effect.  carry_over: difference of the
+    two sequences' sums.  It has little power; to let it decide on the analysis biases that
+    (Freeman, 1989), so it decides nothing.
     """
 
     treatments: tuple[str, str]
@@ -73,17 +56,8 @@ def crossover(
     first_treatment: Sequence[str],
     treatments: tuple[str, str],
 ) -> Crossover:
-    """Treatment, period and carry-over effects.
+    """Treatment, period and carry-over effects from each person's values.
 
-    Parameters
-    ----------
-    first_period, second_period, first_treatment : array_like
-        Each person's values, shape (n,), and which treatment it had first.
-    treatments : tuple of str
-        Both treatments; the effect is the first's minus the second's.
-
-    References
-    ----------
     [1] M. Hills, P. Armitage, "The two-period cross-over clinical trial", Br. J. Clin. Pharmacol.
         8, 1979.
     [2] S. Senn, Cross-over Trials in Clinical Research, 2nd ed., ch. 3.

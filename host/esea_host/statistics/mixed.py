@@ -24,16 +24,8 @@ from esea_host.statistics.checks import (
 class MixedModel(StatisticResult):
     """Value = mean + treatment + period + person, by restricted maximum likelihood.
 
-    Parameters
-    ----------
-    treatment, treatment_se, treatment_p : float
-        First treatment minus second, in the data's unit, its standard error, and a two-sided p.
-    period, period_se, period_p : float
-        The same of the second period minus the first.
-    df : int
-        Of both p by Student's t: recordings less people less 2, as R's nlme.
-    between_sd, within_sd : float
-        Standard deviation between people and within.
+    treatment: first minus second; period: second minus first; each with standard error and two-
+    sided p by Student's t with df: recordings less people less 2, as R's nlme.
     """
 
     treatment: float
@@ -56,15 +48,6 @@ def mixed_model(
 ) -> MixedModel:
     """Fit a random intercept a person; who misses a period counts as well.
 
-    Parameters
-    ----------
-    values, people, treatment, period : sequence
-        Of each recording: its value, whose it is, under which treatment, in period 1 or 2.
-    treatments : tuple of str
-        Both treatments; the effect is the first's minus the second's.
-
-    Notes
-    -----
     The restricted likelihood, with effects and scale profiled out, is maximised over the one ratio
     of variances that is left.  Refused where people with both periods do not tell treatment and
     period apart.

@@ -9,18 +9,7 @@ from esea_host.statistics.checks import Array, NoStatisticError, numbers
 
 
 def holm(p_values: ArrayLike) -> Array:
-    """Holm's adjusted p values: each below alpha is significant over the whole family at alpha.
-
-    Parameters
-    ----------
-    p_values : array_like
-        One a test, shape (m,).
-
-    Returns
-    -------
-    ndarray
-        Adjusted, in the same order, shape (m,).
-    """
+    """Holm's adjusted p values: each below alpha is significant over the whole family at alpha."""
     p = numbers(p_values, "The p values")
     if ((p < 0) | (p > 1)).any():
         raise NoStatisticError("A p value outside 0 to 1.", "Give probabilities.")

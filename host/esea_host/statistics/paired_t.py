@@ -21,17 +21,7 @@ from esea_host.statistics.checks import (
 
 @dataclass(frozen=True)
 class PairedEffect(StatisticResult):
-    """Mean difference x - y of pairs and its size in standard deviations.
-
-    Parameters
-    ----------
-    n, mean, low, high : float
-        Pairs; mean difference in the data's unit, and its interval by Student's t.
-    sd, dz : float
-        Standard deviation of the differences; mean / sd.
-    p : float
-        Two-sided, paired t test.
-    """
+    """Mean difference x - y, its interval and two-sided p by Student's t; dz: mean / sd."""
 
     n: int
     mean: float
@@ -43,13 +33,7 @@ class PairedEffect(StatisticResult):
 
 
 def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedEffect:
-    """Mean paired difference in its unit and in standard deviations (Cohen's d_z).
-
-    Parameters
-    ----------
-    x, y : array_like
-        Both conditions of the same people, shape (n,); without y, x has the differences.
-    """
+    """Mean paired difference in its unit and in standard deviations; x alone: differences."""
     found, scale = differences(x, y, least=2)
     # Scaled: the square of a tiny unit's value is 0.
     unit = float(np.max(np.abs(found))) or 1.0

@@ -22,18 +22,12 @@ _LARGEST_DZ = 20.0
 
 @dataclass(frozen=True)
 class PowerStatement(StatisticResult):
-    """What a signed-rank test of n pairs can see.
+    """What a signed-rank test of n pairs can see at a two-sided level.
 
-    Parameters
-    ----------
-    n, alpha, power : float
-        Pairs, two-sided level of one test, desired power.
-    dz, difference : float
-        Smallest mean difference that is found with this power, in standard deviations of the
-        differences (infinite where none can be), and in the data's unit (not a number without a
-        standard deviation).
-    powers, needed : dict
-        Power, and people needed for the desired power, by standardised difference.
+    dz, difference: the smallest mean difference that is found with this power, in standard
+    deviations of the differences (infinite where none can be) and in the data's unit (NaN without a
+    standard deviation).  powers, needed: by standardised difference the power, and the people
+    needed for the desired power.
     """
 
     n: int
@@ -45,13 +39,7 @@ class PowerStatement(StatisticResult):
     needed: dict[str, int]
 
     def sentence(self, unit: str = "") -> str:
-        """One sentence for a report.
-
-        Parameters
-        ----------
-        unit : str
-            Of the difference.
-        """
+        """One sentence for a report; unit: of the difference."""
         if math.isinf(self.dz):
             return (
                 f"{self.n} people cannot show any difference at alpha = {self.alpha:.3g}: their "
@@ -67,13 +55,7 @@ class PowerStatement(StatisticResult):
 
 
 def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
-    """Power of the two-sided paired t test, exact for normal differences.
-
-    Parameters
-    ----------
-    n, dz, alpha : float
-        Pairs; mean difference in standard deviations of the differences; two-sided level.
-    """
+    """Power of the two-sided paired t test, exact for normal differences."""
     share(alpha, "An alpha")
     if n < 2 or not math.isfinite(dz):
         raise NoStatisticError(f"{n} pairs, d_z = {dz}.", "At least 2 pairs, and a number.")
@@ -91,19 +73,8 @@ def _noise(n: int) -> Array:
 def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
     """Power of the two-sided exact signed-rank test, for normal differences.
 
-    Parameters
-    ----------
-    n, dz, alpha : float
-        Pairs; mean difference in standard deviations of the differences; two-sided level.
-
-    Returns
-    -------
-    float
-        Share of 20000 simulated samples with p < alpha: a standard error of at most 0.0035.
-
-    Notes
-    -----
-    Beyond 50 pairs that of the t test with 3/pi of the pairs: its asymptotic efficiency.
+    The share of 20000 simulated samples with p < alpha: a standard error of at most 0.0035.  Beyond
+    50 pairs that of the t test with 3/pi of the pairs: its asymptotic efficiency.
     """
     share(alpha, "An alpha")
     if not 2 <= n <= _MOST_PEOPLE or not math.isfinite(dz):
@@ -123,18 +94,7 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
 
 @cache
 def detectable_effect(n: int, alpha: float = 0.05) -> float:
-    """Smallest standardised difference that n pairs show with a power of 80 %.
-
-    Parameters
-    ----------
-    n, alpha : float
-        Pairs, two-sided level.
-
-    Returns
-    -------
-    float
-        d_z; infinite where n pairs cannot be significant at this level.
-    """
+    """Smallest d_z that n pairs show with a power of 80 %; infinite where none can be shown."""
     if signed_rank_power(n, _LARGEST_DZ, alpha) < POWER:
         return math.inf
     if alpha >= POWER:
@@ -146,18 +106,7 @@ def detectable_effect(n: int, alpha: float = 0.05) -> float:
 
 @cache
 def participants_needed(dz: float, alpha: float = 0.05) -> int | None:
-    """Fewest pairs that show a standardised difference with a power of 80 %.
-
-    Parameters
-    ----------
-    dz, alpha : float
-        Mean difference in standard deviations, two-sided level.
-
-    Returns
-    -------
-    int or None
-        Pairs; None where 2000 are not enough.
-    """
+    """Fewest pairs that show a d_z with a power of 80 %; None where 2000 are not enough."""
     low, high = 2, _MOST_PEOPLE
     if signed_rank_power(high, dz, alpha) < POWER:
         return None
@@ -171,21 +120,10 @@ def participants_needed(dz: float, alpha: float = 0.05) -> int | None:
 
 
 def power_statement(n: int, sd: float = math.nan, alpha: float = 0.05) -> PowerStatement:
-    """What n pairs could have shown, whatever they did show.
+    """What n pairs could have shown, whatever they did show; sd: of the differences.
 
-    Parameters
-    ----------
-    n : int
-        Pairs.
-    sd : float
-        Standard deviation of the differences, for the answer in the data's unit.
-    alpha : float
-        Two-sided level of one test; of a family of m tests the first step of Holm's is alpha / m.
-
-    Returns
-    -------
-    PowerStatement
-        Never of the difference that was observed: the power of that says no more than its p.
+    Of a family of m tests the first step of Holm's is alpha / m.  Never of the difference that was
+    observed: the power of that says no more than its p.
     """
     if sd <= 0 or math.isinf(sd):
         raise NoStatisticError(f"A standard deviation of {sd:g}.", "Give more than 0, or none.")

@@ -25,25 +25,14 @@ MOST_EXACT = 50
 
 @dataclass(frozen=True)
 class SignedRank(StatisticResult):
-    """Two-sided signed-rank test of paired differences, with effects.
+    """Two-sided signed-rank test of n paired differences, with effects.
 
-    Parameters
-    ----------
-    n, zeros, ties : int
-        Pairs; differences that are 0; those whose magnitude another one shares, up to 1e-12 of the
-        largest value, which get the mean of their ranks.
-    zero_method : str
-        ``"drop"``: zeros are left out before ranking (Wilcoxon).
-    w_plus, w_minus : float
-        Sum of the ranks of positive and of negative differences.
-    p, method : float and str
-        Two-sided; up to 50 pairs ``"exact"``: every assignment of signs to these ranks counted;
-        ``"normal"``: with ties and continuity corrected.
-    hodges_lehmann, low, high, confidence : float
-        Median of the means of all pairs of differences (zeros too), in the data's unit, its
-        interval, and what that attains; few people do not allow 95 %.
-    rank_biserial, rank_biserial_low, rank_biserial_high : float
-        (w_plus - w_minus) / (w_plus + w_minus), -1 to 1, and its score interval.
+    zeros: differences of 0, left out before ranking (Wilcoxon); ties: those whose magnitude another
+    one shares, up to 1e-12 of the largest value, which get the mean of their ranks.  w_plus,
+    w_minus: rank sums.  method: "exact" up to 50 pairs, every assignment of signs to these ranks
+    counted; "normal" with ties and continuity corrected.  hodges_lehmann: median of the means of
+    all pairs of differences (zeros too), with its interval and what that attains: few people do not
+    allow 95 %.  rank_biserial: (w_plus - w_minus) / (w_plus + w_minus), with its score interval.
     """
 
     n: int
@@ -64,15 +53,8 @@ class SignedRank(StatisticResult):
 
 
 def signed_rank(x: ArrayLike, y: ArrayLike | None = None) -> SignedRank:
-    """Test whether paired differences x - y are symmetric about 0.
+    """Test whether paired differences x - y are symmetric about 0; x alone: differences.
 
-    Parameters
-    ----------
-    x, y : array_like
-        Both conditions of the same people, shape (n,); without y, x has the differences.
-
-    References
-    ----------
     [1] M. Hollander, D. A. Wolfe, E. Chicken, Nonparametric Statistical Methods, 3.1 to 3.3.
     [2] D. S. Kerby, "The simple difference formula", Comprehensive Psychology 3, 2014.
     """
@@ -162,18 +144,7 @@ def biserial_interval(biserial: float, n: int) -> tuple[float, float]:
 
 
 def attainable_p(n: int) -> Array:
-    """Two-sided exact p values by the smaller rank sum, 0 to n (n + 1) / 4, without ties.
-
-    Parameters
-    ----------
-    n : int
-        Pairs without a zero difference, 1 to 50.
-
-    Returns
-    -------
-    ndarray
-        The value at index w is that of a smaller rank sum w.
-    """
+    """Two-sided exact p of n pairs by the smaller rank sum, 0 to n (n + 1) / 4, without ties."""
     if not 1 <= n <= MOST_EXACT:
         raise NoStatisticError(f"{n} pairs.", f"Give 1 to {MOST_EXACT}.")
     below = np.cumsum(null_distribution(np.arange(1, n + 1))[::2])
@@ -182,14 +153,9 @@ def attainable_p(n: int) -> Array:
 
 @dataclass(frozen=True)
 class ImpliedEffect(StatisticResult):
-    """What a printed p value of an exact signed-rank test says about the effect.
+    """What a printed p of an exact signed-rank test says: the smaller rank sum whose p is nearest.
 
-    Parameters
-    ----------
-    rank_sum, p, rank_biserial : float
-        The smaller rank sum whose p is nearest, its exact p, and the magnitude of its effect.
-    as_printed : bool
-        Whether this p rounds to what was printed.
+    rank_biserial: magnitude; as_printed: whether this p rounds to what was printed.
     """
 
     rank_sum: int
@@ -199,15 +165,7 @@ class ImpliedEffect(StatisticResult):
 
 
 def effect_from_p(p: float, n: int) -> ImpliedEffect:
-    """The rank sum, and with it the effect, that a printed p value allows.
-
-    Parameters
-    ----------
-    p : float
-        Two-sided p as printed, with two significant digits.
-    n : int
-        Pairs without zeros and ties.
-    """
+    """The rank sum, and with it the effect, that a printed p of two significant digits allows."""
     share(p, "A p value")
     known = attainable_p(n)
     at = int(np.argmin(np.abs(known - p)))
