@@ -50,7 +50,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
         "Host: boards and recordings",
         (
             "esea_host.connection.device",
-            *(f"esea_host.recording.{m}" for m in ("log", "clock")),
+            "esea_host.recording.log",
         ),
     ),
     "metrics": (

@@ -142,7 +142,7 @@ def test_t_power_as_g_power_and_statsmodels():
     for n, d, alpha in ((10, 0.3, 0.05), (25, 0.7, 0.01)):
         theirs = TTestPower().power(d, n, alpha)
         assert paired_t_power(n, d, alpha) == pytest.approx(theirs, abs=1e-9)
-    # By mpmath, 25 digits; SciPy's noncentral t is not a number for the first two.
+    # By mpmath, 25 digits; that of older SciPy is not a number for the first two.
     for n, d, alpha, power in (
         (8, 3.0, 1e-4, 0.65897414383567),
         (8, 3.0, 0.05 / 16, 0.99598517330508),

@@ -42,35 +42,17 @@ class ClockStep:
 
 @dataclass(frozen=True)
 class ClockFit:
-    """The board's clock by the host's: ``host_ns = board_ns + offset_ns + drift * board_ns``.
+    """The board's clock by the host's: ``host_ns = board_ns + offset_ns + drift * board_ns``."""
 
-    Parameters
-    ----------
-    drift_ppm : float
-        Above 0 the host counts more seconds than the board.
-    low_ppm, high_ppm : float
-        Ends of its 95 % interval.
-    offset_ns : int
-        Of the quickest arrivals, at the recording's beginning.
-    late_p50_ms, late_p99_ms : float
-        By how much arrivals are later than the quickest.
-    pairs : int
-        How many there are.
-    steps : tuple of ClockStep
-        Of the wall clock.
-    malformed : int
-        Events ``clock`` that hold no pair, and were left out.
-    """
-
-    drift_ppm: float
+    drift_ppm: float  # above 0 the host counts more seconds than the board; its 95 % interval
     low_ppm: float
     high_ppm: float
-    offset_ns: int
-    late_p50_ms: float
+    offset_ns: int  # of the quickest arrivals, at the recording's beginning
+    late_p50_ms: float  # by how much arrivals are later than the quickest
     late_p99_ms: float
     pairs: int
-    steps: tuple[ClockStep, ...] = ()
-    malformed: int = 0
+    steps: tuple[ClockStep, ...] = ()  # of the wall clock
+    malformed: int = 0  # events ``clock`` that hold no pair, and were left out
 
     def __str__(self) -> str:
         if abs(self.drift_ppm) > REAL_TIME_PPM:
@@ -89,18 +71,9 @@ class ClockFit:
 def clock_fit(log: Log) -> ClockFit | None:
     """Offset and drift between board and host.
 
-    Theil and Sen's slope [1]_: the median of the slopes between any two pairs, which single late
-    arrivals do not move.
-
-    Parameters
-    ----------
-    log : Log
-        With the event ``clock``, once a second.
-
-    References
-    ----------
-    .. [1] P. K. Sen, "Estimates of the regression coefficient based on Kendall's tau", Journal of
-       the American Statistical Association 63, 1968.
+    Theil and Sen's slope: the median of the slopes between any two pairs, which single late
+    arrivals do not move (P. K. Sen, "Estimates of the regression coefficient based on Kendall's
+    tau", Journal of the American Statistical Association 63, 1968).
     """
     written = log.events("clock")
     told = [[e.get(n) for n in NAMES] for e in written]

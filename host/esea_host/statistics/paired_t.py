@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtr
-from scipy.stats import norm, t
+from scipy.stats import t
 
 from esea_host.statistics.checks import (
     ROUNDING,
@@ -52,21 +51,3 @@ def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedE
         mean / sd,
         float(2 * t.sf(abs(statistic), n - 1)),
     )
-
-
-def noncentral_t_sf(value: float, df: int, shift: float) -> float:
-    """Probability that (z + shift) / sqrt(chi2 / df) exceeds a value, z standard normal.
-
-    SciPy's noncentral t is not a number for some of these.
-    """
-    if value < 0:
-        return 1 - noncentral_t_sf(-value, df, -shift)
-    if value == 0:
-        return float(norm.cdf(shift))
-    # Beyond 13 the normal density is nothing; around z + shift = value the chi square's part rises.
-    rise = value - shift + value / math.sqrt(2 * df) * np.arange(-8, 9)
-    edges = np.unique(np.clip([*np.arange(-13, 14), *rise], max(-shift, -13.0), 13.0))
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    half = np.diff(edges)[:, None] / 2
-    z = edges[:-1, None] + half * (1 + nodes)
-    return float(np.sum(half * weights * norm.pdf(z) * chdtr(df, df * ((z + shift) / value) ** 2)))

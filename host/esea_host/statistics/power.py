@@ -8,10 +8,9 @@ from functools import cache
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import t
+from scipy.stats import nct, t
 
 from esea_host.statistics.checks import Array, NoStatisticError, StatisticResult, share
-from esea_host.statistics.paired_t import noncentral_t_sf
 from esea_host.statistics.signed_rank import MOST_EXACT, attainable_p
 
 REPEATS, SEED = 20_000, 1
@@ -60,7 +59,7 @@ def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
     if n < 2 or not math.isfinite(dz):
         raise NoStatisticError(f"{n} pairs, d_z = {dz}.", "At least 2 pairs, and a number.")
     critical, shift = float(t.isf(alpha / 2, n - 1)), dz * math.sqrt(n)
-    return sum(noncentral_t_sf(critical, n - 1, s) for s in (shift, -shift))
+    return float(np.sum(nct.sf(critical, n - 1, [shift, -shift])))
 
 
 @cache
