@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from esea_host.cli import app
 from esea_host.study.allocation import draw_list, strata_of, stratum_named
 from esea_host.study.exchange import new_codes, to_bids, to_rows
 from esea_host.study.folder import StudyFolder
-from esea_host.study.plan import build_plan, group_of, guessed_share
+from esea_host.study.plan import build_plan, group_of
 from esea_host.study.privacy import KEY, PRIVATE, export_codes, findings, sealed, unsealed
 from esea_host.study.protocol import Protocol, ProtocolFile
 from esea_host.study.report import study_page
@@ -48,41 +47,6 @@ def test_blocks_have_the_declared_sizes_and_are_balanced():
     assert PLACES - max(ends) < 6
     assert np.max(np.abs(lead)) <= 3
     assert Counter(groups)["A"] == pytest.approx(PLACES / 2, abs=3)
-
-
-@pytest.mark.parametrize("blocks", ["", "[2, 4]", "[4, 6]", "[2, 4, 6, 8, 10]"])
-def test_nobody_guesses_better_than_the_bound(blocks):
-    """An attacker weighs every position in every block by Bayes' rule, seeing all past groups."""
-    file = file_of(blocks)
-    sizes = file.allocation.blocks or (4, 6, 8)
-    groups = [e.group for e in draw_list(file, b"2" * 32, PLACES)]
-    # Belief: probability of (places left of A, of B) in the current block.
-    start = {(s // 2, s // 2): 1 / len(sizes) for s in sizes}
-    belief, right = dict(start), 0
-    for group in groups:
-        a = sum(p * left[0] / sum(left) for left, p in belief.items())
-        right += group == ("A" if a >= 0.5 else "B")
-        after: dict = {}
-        for (x, y), p in belief.items():
-            chance = p * (x if group == "A" else y) / (x + y)
-            left = (x - 1, y) if group == "A" else (x, y - 1)
-            for new, q in start.items() if left == (0, 0) else [(left, 1.0)]:
-                after[new] = after.get(new, 0.0) + chance * q
-        belief = {left: p / sum(after.values()) for left, p in after.items() if p}
-    sd = 0.5 / np.sqrt(PLACES)
-    assert right / PLACES < guessed_share(file) + 3 * sd
-    assert guessed_share(file) < 0.75  # of blocks as long as the groups are many
-
-
-def test_the_bound_is_that_of_blackwell_and_hodges():
-    """E[right in a block of 2b] = b + 2^(2b-1) / C(2b, b) - 1/2."""
-
-    @cache
-    def choose(n: int, k: int) -> int:
-        return 1 if k in (0, n) else choose(n - 1, k - 1) + choose(n - 1, k)
-
-    right = [b + 2 ** (2 * b - 1) / choose(2 * b, b) - 0.5 for b in (2, 3, 4)]
-    assert guessed_share(file_of()) == pytest.approx(sum(right) / (4 + 6 + 8), abs=1e-12)
 
 
 def test_the_exported_seed_and_all_past_allocations_predict_nothing():

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from esea_host.study.edge import longest_trial_s
 from esea_host.study.protocol import (
     GROUP,
     Protocol,
-    ProtocolFile,
     TrialBlock,
     TrialRows,
     block_sizes,
@@ -74,26 +72,6 @@ def group_of(protocol: Protocol, index: int) -> str:
     block, place = divmod(index, len(groups))
     order = generator(protocol.file.seed, 1, block).permutation(len(groups))
     return groups[int(order[place])]
-
-
-def guessed_share(file: ProtocolFile) -> float:
-    """Bound on the share guessed right by who knows all past allocations and every block's size.
-
-    Blackwell and Hodges (1957): the best guess is the group with the most places left in the block.
-    """
-
-    @cache
-    def right(left: tuple[int, ...]) -> float:
-        n = sum(left)
-        after = (
-            x / n * right(tuple(sorted((*left[:k], x - 1, *left[k + 1 :]))))
-            for k, x in enumerate(left)
-            if x
-        )
-        return max(left) / n + sum(after) if n else 0.0
-
-    sizes, k = block_sizes(file), len(file.groups)
-    return sum(right((size // k,) * k) for size in sizes) / sum(sizes)
 
 
 def build_plan(protocol: Protocol, index: int, session: int, group: str | None = None) -> Plan:
@@ -165,9 +143,7 @@ def explain(protocol: Protocol) -> str:
         sizes = ", ".join(map(str, block_sizes(file)))
         lines.append(
             f"  groups come from a sealed list of permuted blocks of random size ({sizes}), "
-            "disclosed at the first session; knowing all earlier ones, one guesses the next with "
-            f"a probability of at most {guessed_share(file):.0%} (by chance "
-            f"{1 / len(file.groups):.0%})"
+            "disclosed at the first session"
         )
         for factor, levels in file.allocation.strata.items():
             lines.append(f"  stratified by {factor}: {', '.join(levels)}")
