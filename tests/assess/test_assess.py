@@ -15,13 +15,10 @@ from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase, responses_at
 from esea_host.assess.desk import conclusion
 from esea_host.assess.hypotheses import (
-    LENGTH_RAD,
     NONE,
     Evidence,
     Hypotheses,
-    LENGTH_rad_s,
     between_severities,
-    kernel_map,
     mixtures,
     summarised,
 )
@@ -214,7 +211,7 @@ def test_any_number_of_categories_of_any_joint():
         Assessment(data, mixed=True)
 
 
-@pytest.mark.parametrize("kind", ["people", "distributions", "centroids", "kernel"])
+@pytest.mark.parametrize("kind", ["people", "distributions", "centroids"])
 def test_every_summary_finds_a_clear_case(data, kind):
     session = Assessment(data, kind=kind)
     a, r = GRID.centres.T
@@ -224,9 +221,7 @@ def test_every_summary_finds_a_clear_case(data, kind):
 
 
 def test_unknown_summary_is_refused(data):
-    with pytest.raises(UserError, match="two people or more"):
-        summarised(made_up(people=1), "kernel")
-    with pytest.raises(UserError, match="centroids or kernel"):
+    with pytest.raises(UserError, match="distributions or centroids"):
         summarised(data, "best")
 
 
@@ -313,36 +308,6 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
     for name in ("d.npz", "e.npz", "f.npz"):
         with pytest.raises(UserError, match="no data base"):
             ResponseDataBase.load(tmp_path / name)
-
-
-def test_kernel_map_is_the_textbook_process_and_unsure_where_nobody_has_been(data):
-    centres = GRID.centres
-    mean, spread, n = data.mean("S3"), data.spread("S3"), data.people("S3")
-    amplitude = np.std(mean)
-    where = np.array([[30 * DEG, 20 * DEG], [400 * DEG, 0.0]])
-
-    def k(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.array(
-            [
-                [
-                    amplitude**2
-                    * math.exp(
-                        -0.5 * ((p[0] - q[0]) / LENGTH_RAD) ** 2
-                        - 0.5 * ((p[1] - q[1]) / LENGTH_rad_s) ** 2
-                    )
-                    for q in y
-                ]
-                for p in x
-            ]
-        )
-
-    inverse = np.linalg.inv(k(centres, centres) + np.diag(spread**2 / n + 1e-6))
-    exact = mean.mean() + k(where, centres) @ inverse @ (mean - mean.mean())
-    left = amplitude**2 - np.diag(k(where, centres) @ inverse @ k(centres, where))
-    found, sd = kernel_map(data, "S3", where)
-    assert found == pytest.approx(exact, rel=1e-6)
-    assert sd[0] ** 2 > left[0]
-    assert sd[1] > amplitude > 3 * sd[0]
 
 
 def test_bilinear_weights_and_the_edge_of_the_map():

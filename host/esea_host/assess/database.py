@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import warnings
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -217,18 +218,9 @@ class ResponseDataBase:
 
     def mean(self, category: str) -> Array:
         """Mean response, shape (cells,); NaN where nobody has been."""
-        return _per_cell(np.nanmean, self.rows(category))
-
-    def spread(self, category: str) -> Array:
-        """Standard deviation over people; NaN where fewer than two have been."""
-        rows = self.rows(category)
-        out = _per_cell(lambda r, axis: np.nanstd(r, axis=axis, ddof=1), rows)
-        out[np.isfinite(rows).sum(axis=0) < 2] = np.nan
-        return out
-
-    def people(self, category: str) -> npt.NDArray[np.int64]:
-        """How many people have been at each location."""
-        return np.asarray(np.isfinite(self.rows(category)).sum(axis=0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a cell where nobody has been is NaN
+            return np.asarray(np.nanmean(self.rows(category), axis=0))
 
     @property
     def common(self) -> npt.NDArray[np.bool_]:
@@ -315,14 +307,6 @@ class ResponseDataBase:
 def shipped() -> ResponseDataBase:
     """The simulated knee's data base, which comes with the tool (see ``build``)."""
     return ResponseDataBase.load(Path(__file__).with_name("knee.npz"))
-
-
-def _per_cell(function: Any, rows: Array) -> Array:
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a cell where nobody has been is NaN
-        return np.asarray(function(rows, axis=0))
 
 
 def _digest(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:

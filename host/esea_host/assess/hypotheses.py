@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cho_factor, cho_solve
 
 from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase
@@ -25,49 +24,8 @@ NONE = "none of these"
 # "None of these": how far a map of no category goes from the middle of all, and how smoothly.
 NONE_SCALE = 1.5  # of the spread of all categories' people
 NONE_NOISE_NM = 1.5  # and how unsteady it may be: tremor, a leg that is not relaxed; assumed
-KINDS = ("people", "distributions", "centroids", "kernel")
-
-LENGTH_RAD, LENGTH_rad_s = 20 * DEG, 35 * DEG
-WIDE = 1.6  # how much smoother a map of no category is
-
-
-def smooth_covariance(a: Array, b: Array, *, wide: bool = False) -> Array:
-    """Correlation of responses at locations, shapes (n, 2) and (m, 2): 1 at the same one."""
-    scale = np.array([LENGTH_RAD, LENGTH_rad_s]) * (WIDE if wide else 1.0)
-    d = (a[:, None] - b[None]) / scale
-    return np.asarray(np.exp(-0.5 * np.sum(d**2, axis=2)))
-
-
-def kernel_map(
-    data: ResponseDataBase, category: str, where: Array | None = None
-) -> tuple[Array, Array]:
-    """Mean and standard deviation of a new person's response, at cells or elsewhere.
-
-    where: locations, shape (n, 2); the grid's cells by default.
-
-    The mean's own uncertainty is the process's; the spread over people is added, taken where
-    people have been nearest.
-    """
-    centres = data.grid.centres
-    mean, spread, people = data.mean(category), data.spread(category), data.people(category)
-    use = np.isfinite(mean) & np.isfinite(spread)
-    if not use.any():
-        raise UserError(
-            f"kernel map: {category}: no location was passed by two people or more.",
-            "Record more people, or take another summary.",
-        )
-    level = float(np.mean(mean[use]))
-    amplitude = max(float(np.std(mean[use])), 0.5)
-    at = centres if where is None else where
-    noise = spread[use] ** 2 / people[use] + 1e-6
-    inner = amplitude**2 * smooth_covariance(centres[use], centres[use]) + np.diag(noise)
-    cross = amplitude**2 * smooth_covariance(at, centres[use])
-    factor = cho_factor(inner, lower=True)
-    found = level + cross @ cho_solve(factor, mean[use] - level)
-    variance = amplitude**2 - np.sum(cross * cho_solve(factor, cross.T).T, axis=1)
-    closeness = smooth_covariance(at, centres[use])
-    nearest = spread[use][np.argmax(closeness, axis=1)]
-    return found, np.sqrt(np.maximum(variance, 0) + nearest**2)
+SMOOTH = np.array([20 * DEG, 35 * DEG]) * 1.6  # rad, rad/s
+KINDS = ("people", "distributions", "centroids")
 
 
 @dataclass(frozen=True)
@@ -129,25 +87,21 @@ class Hypotheses:
 def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
     """The categories of a data base as hypotheses, the reference among them."""
     if kind not in KINDS:
-        raise UserError(f"summary: {kind!r}.", "people, distributions, centroids or kernel.")
+        raise UserError(f"summary: {kind!r}.", "people, distributions or centroids.")
     known, cells = data.common, data.grid.cells
     if not known.any():
         raise UserError("data base: no location was reached by all.", "Record wider movements.")
     means, noises = [], []
     covariance = np.zeros((len(data.categories), cells, cells))
     for i, name in enumerate(data.categories):
-        if kind == "kernel":
-            mean, noise = kernel_map(data, name)
-        else:
-            rows, mean = data.rows(name), data.mean(name)
-            off = np.where(np.isfinite(rows) & known, rows - mean, 0.0)
-            mean = np.where(known, mean, 0.0)
-            together = off.T @ off / max(1, len(rows) - 1)
-            if kind == "people":
-                # The mean is known from so many people only.
-                covariance[i] = (1 + 1 / len(rows)) * _of_people(together, data.error_Nm2)
-            noise = np.sqrt(np.maximum(np.diag(together), 1e-4))
-        means.append(mean)
+        rows, mean = data.rows(name), data.mean(name)
+        off = np.where(np.isfinite(rows) & known, rows - mean, 0.0)
+        together = off.T @ off / max(1, len(rows) - 1)
+        if kind == "people":
+            # The mean is known from so many people only.
+            covariance[i] = (1 + 1 / len(rows)) * _of_people(together, data.error_Nm2)
+        noise = np.sqrt(np.maximum(np.diag(together), 1e-4))
+        means.append(np.where(known, mean, 0.0))
         noises.append(noise if kind != "people" else np.full(cells, 1e-2))
     noise_Nm = np.array(noises)
     if kind == "centroids":
@@ -169,14 +123,14 @@ def none_of_these(of: Hypotheses) -> Hypotheses:
     people = np.diagonal(of.covariance, axis1=1, axis2=2)
     everybody = np.var(of.mean, axis=0) + np.mean(people, axis=0)
     wide = NONE_SCALE * np.sqrt(float(np.mean(everybody[of.known])))
-    centres = of.grid.centres
+    off = (of.grid.centres[:, None] - of.grid.centres[None]) / SMOOTH
     # Noisier than any: what is absurd under all is least absurd under this one.
     return Hypotheses(
         (NONE,),
         of.grid,
         of.known,
         of.mean.mean(axis=0)[None],
-        (wide**2 * smooth_covariance(centres, centres, wide=True))[None],
+        (wide**2 * np.exp(-0.5 * np.sum(off**2, axis=2)))[None],
         np.hypot(NONE_NOISE_NM, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
     )
 

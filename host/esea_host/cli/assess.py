@@ -150,9 +150,7 @@ def run(
     high_deg: HighOption = 130.0,
     fastest: Annotated[float, option("--fastest-deg-s", "Fastest comfortable speed.")] = 120.0,
     mixed: Annotated[bool, option("--mixed", "Also consider two disorders at once.")] = False,
-    summary: Annotated[
-        Summary, option("--summary", "Of the data base; kernel: Gaussian process.")
-    ] = "people",
+    summary: Annotated[Summary, option("--summary", "Of the data base.")] = "people",
     measure: Annotated[Measure, option("--measure", "By which movements are chosen.")] = "expected",
     who: Annotated[str, option("--who", "Printed on the page.")] = "",
     json_file: JsonOption = None,
