@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -401,7 +400,6 @@ def test_the_band_over_cut_off_and_threshold():
     # A setting without an answer is named, not dropped.
     assert len(band.refused) == 3
     assert "cutoff_Hz = 900" in band.refused[0]
-    json.dumps(band.to_dict(), allow_nan=False)
 
 
 # Of the published package on tests/data/reaches, at 100 Hz: SPARC, LDLJ; numpy 2.

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from esea_gen.errors import UserError
 from esea_host.interaction.comments import Comments, read_comments
 from esea_host.interaction.design import ELEMENTS, FIRST
-from esea_host.interaction.metrics import FAMILY, Chains, Metric, as_published, settings_grid
+from esea_host.interaction.metrics import FAMILY, Chains, Metric, settings_grid
 from esea_host.interaction.published import (
     CANNOT,
     METRICS,
@@ -228,7 +228,7 @@ def _medians(spring: Array, elastomer: Array, one: Array, two: Array) -> dict[st
 def _thesis_medians(
     chains: Chains, metric: Metric, stop_Hz: float, springs_first: npt.NDArray[np.bool_]
 ) -> dict[str, float]:
-    spring, elastomer = chains.values(as_published(metric), stop_Hz).T
+    spring, elastomer = chains.values(replace(metric, convention="thesis"), stop_Hz).T
     one = np.where(springs_first, spring, elastomer)
     return _medians(spring, elastomer, one, np.where(springs_first, elastomer, spring))
 

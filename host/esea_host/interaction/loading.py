@@ -91,10 +91,7 @@ class LoadingCurve:
         return self.at_rest_Nm + self.stiffness_Nm_rad * np.asarray(theta_rad, dtype=np.float64)
 
     def to_dict(self) -> dict[str, Any]:
-        out: dict[str, Any] = {k: v for k, v in vars(self).items() if k != "branches"}
-        out |= {"stiffness_Nm_deg": self.stiffness_Nm_deg, "area_J": self.area_J}
-        out["branches"] = [dict(vars(b)) for b in self.branches]
-        return out
+        return vars(self) | {"stiffness_Nm_deg": self.stiffness_Nm_deg, "area_J": self.area_J}
 
     def lines(self) -> list[str]:
         k, low, high, between = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -69,12 +69,6 @@ FAMILY = (
     Metric("LDLJ", "reference"),
     Metric("SPARC", "reference", _TUNED),
 )
-AS_PUBLISHED = tuple(replace(m, convention="thesis") for m in FAMILY)
-
-
-def as_published(metric: Metric) -> Metric:
-    """The same metric by the thesis' convention."""
-    return next(m for m in AS_PUBLISHED if m.name == metric.name)
 
 
 class Chains:

@@ -106,7 +106,7 @@ class OwnSmoothness:
             "time": self.time.column,
             "read": list(self.read),
             "resampled": None if self.resampling is None else self.resampling.to_dict(),
-            "metrics": [r.to_dict() | {"band": b.to_dict()} for r, b in self.results],
+            "metrics": [r.to_dict() | {"band": b} for r, b in self.results],
             "refused": list(self.refused),
         }
 

@@ -63,12 +63,9 @@ class SmoothnessResult:
         return "larger is smoother" if self.larger_is_smoother else "smaller is smoother"
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        out = {k: v for k, v in vars(self).items() if k != "processing"}
-        out["value"] = self.value.tolist() if isinstance(self.value, np.ndarray) else self.value
-        out |= {"duration_s": self.duration_s, "filter": self.filter, "sign": self.sign}
-        out["processing"] = None if self.processing is None else dict(vars(self.processing))
-        return out
+        """Fields, and what follows from them."""
+        more = {"duration_s": self.duration_s, "filter": self.filter, "sign": self.sign}
+        return vars(self) | more
 
 
 def as_value(values: Array, stacked: bool) -> float | Array:

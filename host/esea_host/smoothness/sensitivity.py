@@ -26,12 +26,6 @@ class Band:
     grid: dict[str, tuple[float, ...]]
     refused: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()
-        } | {"refused": list(self.refused)}
-
 
 def sensitivity_band(metric: Callable[..., SmoothnessResult], **grid: Sequence[float]) -> Band:
     """Lowest and highest value of a metric over every combination of settings.
