@@ -203,7 +203,6 @@ def evaluate(
     patients: int = 200,
     seed: int = 1,
     jobs: int = 1,
-    ways: Sequence[str] = WAYS,
     say: Callable[[str], None] | None = None,
 ) -> tuple[list[Met], list[Met]]:
     """Meet patients drawn anew; the same for any number of workers."""
@@ -216,7 +215,7 @@ def evaluate(
     people = draw_groups(patients, seed, data.diagnoses)
     plain, pairs = assessed_hypotheses(data), assessed_hypotheses(data, mixed=True)
     work: list[tuple[Hypotheses, list[tuple[str, KneePatient]], int, Sequence[str]]] = [
-        (plain, people[k : k + CHUNK], k, ways) for k in range(0, len(people), CHUNK)
+        (plain, people[k : k + CHUNK], k, WAYS) for k in range(0, len(people), CHUNK)
     ]
     at = next(i for i, (g, _) in enumerate(people) if g == "mixed")
     work.append((pairs, people[at:], at, ("expected",)))

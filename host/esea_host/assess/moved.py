@@ -38,16 +38,14 @@ Wish = tuple[float, float] | None  # angle and rate that the hands want; None: t
 class MovedKnee:
     """Moves as it is asked to; until then the straight leg lies on its support."""
 
-    def __init__(
-        self, patient: KneePatient, device: DeviceData, seed: int = 1, *, error: bool = True
-    ) -> None:
+    def __init__(self, patient: KneePatient, device: DeviceData, seed: int = 1) -> None:
         self.patient = patient
         self._knees = Knees([patient])
         self._legs = MovedLegs(self._knees, np.zeros(1), TICK_S)
         self._coupling = SteppedCoupling(device)
         self._rng = np.random.default_rng([seed, 12])
         self._tone = _Wandering(TONE_SPREAD, TONE_S, self._rng)
-        self._error = _Wandering(SENSOR_ERROR_NM if error else 0.0, ERROR_STAYS_S, self._rng)
+        self._error = _Wandering(SENSOR_ERROR_NM, ERROR_STAYS_S, self._rng)
         self._phase = float(self._rng.uniform(0, 2 * math.pi))
         self._wishes: Iterator[Wish] | None = None
         self._wish: Wish = (0.0, 0.0)
@@ -62,8 +60,8 @@ class MovedKnee:
         made = as_made(asked, self._rng)
         self._wishes = self._chain(made.start_rad, made)
 
-    def let_fall(self, start_rad: float = 0.0) -> None:
-        self._wishes = self._chain(start_rad, None)
+    def let_fall(self) -> None:
+        self._wishes = self._chain(0.0, None)
 
     def sweep(self, low_rad: float, high_rad: float, period_s: float) -> None:
         """Bend and straighten slowly, on and on."""

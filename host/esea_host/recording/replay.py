@@ -10,7 +10,6 @@ the sources in a recording are never read.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -77,8 +76,8 @@ class _KeyFrame:
     words: Array
 
 
-def verify(log: Log, progress: Callable[[float], None] | None = None) -> ReplayVerdict:
-    return _Replay(log).run(progress or (lambda _: None))
+def verify(log: Log) -> ReplayVerdict:
+    return _Replay(log).run()
 
 
 def device_of(log: Log) -> Device:
@@ -227,7 +226,7 @@ class _Replay:
                 found.append(_KeyFrame(ns, int(row[TICK]), frame))
         return sorted(found, key=lambda key: key.ns)
 
-    def run(self, progress: Callable[[float], None]) -> ReplayVerdict:
+    def run(self) -> ReplayVerdict:
         v = self.verdict
         v.key_frames = len(self.keys)
         first = self.tasks[0]
@@ -237,7 +236,6 @@ class _Replay:
             reached = self._ticks(key, end_ns)
             if reached and end_ns is not None:
                 self._compare_state(self.keys[i + 1])
-            progress((i + 1) / len(self.keys))
         for task in self.tasks:
             self._compare(task)
         steps = np.maximum(np.diff(first.given_at) // max(1, self.tick_ns), 1)
