@@ -36,6 +36,7 @@ EQUATIONS = """
     [cable 4] | dz_end | (1 - exp(-L * h)) * (z - z_e) | \
         the end at which it lies is learnt; b = z_high - z_low
     [cable 5] | w | z_e - (z_high + z_low) / 2 + tau_k / k_c | winding
+    [cable 7] | delta | theta + Max(-q, Min(q, z - z_e)) | deflection; q: a count of the encoder
 """
 
 
@@ -73,6 +74,7 @@ class _Cable:
         drive = self.drive = drive_of(device)
         self.device, self.width = device, drive.actuator.coulomb_width_rad_s.value
         self.h = device.period_s
+        self.count_rad = 2 * math.pi / 2**device.file.encoder.resolution_bits.value
         self.give = 1 / redundancy.cable_Nm_rad.value
         self.usual, self.most = self.own.backlash_rad.value, self.own.backlash_most_rad.value
         self.contact = threshold(self.own.contact_Nm.value)
@@ -113,8 +115,12 @@ class _Cable:
             around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
             around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
             Port.choice("mode", Mode, "mode that holds"),
+            around(
+                "theta_rad", self.drive.delta_rad, "deflection, as the joint's encoders show it"
+            ),
         )
         self.outputs = (
+            around("delta_rad", self.drive.delta_rad, "deflection with the motor side by the gear"),
             around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
             Port("give_rad_Nm", 0.0, self.softest, GIVES),
             Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
@@ -157,6 +163,10 @@ class _Cable:
         between = ca.if_else(pushes, kept_low, clip(seen, kept_low, kept_high))
         wound = ca.if_else(pulls, kept_high, between)
         give = self.learnt_give(s, u, pull, ca.logic_and(ok, ca.logic_or(pulls, pushes)), label)
+        # The gear's encoder is far finer than the motor side's, whose reading is off by a count at
+        # most.
+        finer = ca.if_else(ok, clip(seen - wound, -self.count_rad, self.count_rad), 0.0)
+        delta = clip(u.theta_rad + finer, -self.drive.delta_rad, self.drive.delta_rad)
         # The person's torque as observed trembles by 0.3 Nm with the joint encoders' steps, and
         # what is predicted with it meets the ends of the gap: in the mean the command then holds
         # the gear inside, and a limp hand on a rendered spring drifts without any torque.
@@ -174,6 +184,7 @@ class _Cable:
             **give,
         }
         outputs = {
+            "delta_rad": label("delta_rad", delta, "[cable 7]"),
             "wound_rad": label("wound_rad", ca.if_else(ok, wound, carried), "[cable 3]"),
             "give_rad_Nm": give["give_rad_Nm"],
             "gap_rad": label("gap_rad", ca.if_else(ok, gap, usual), "[cable 4]"),

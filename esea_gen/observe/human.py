@@ -63,7 +63,6 @@ def lag_observer(device: DeviceData) -> Block:
 
 class _Lag:
     def __init__(self, device: DeviceData) -> None:
-        self.device = device
         self.drive = drive_of(device)
         self.h = device.period_s
         self.inertia = self.drive.joint.Jh_kgm2.value
@@ -84,15 +83,9 @@ class _Lag:
                 Flag("CLIPPED", clipped, True, ("tau_h_Nm",), self.tau_h_lim),
             ),
         )
-        self.tunables = (
-            bandwidth_tunable(
-                self.device,
-                self.drive.disturbance.human_1_s,
-                self.drive.joint.load_velocity_Hz,
-                "disturbance.human_1_s",
-                "joint.load_velocity_Hz",
-            ),
-        )
+        rates = self.drive.disturbance.human_1_s, self.drive.joint.load_velocity_Hz
+        keys = "disturbance.human_1_s", "joint.load_velocity_Hz"
+        self.tunables = (bandwidth_tunable(device, *rates, *keys),)
         self.state = (
             Port.flag("primed", "1 when the last sample was valid"),
             around("omega_last_rad_s", self.omega_lim, "load side's rate, last step"),

@@ -61,6 +61,7 @@ def cable(k: float, gap: float, zero: float, seconds: float = 7.0, torque=1.7):
         "tau_Nm": carried,
         "omega_gear_rad_s": rate,
         "mode": np.ones(len(t)),
+        "theta_rad": 0.06 * tau,
     }
     return given, wound
 
@@ -81,12 +82,16 @@ def test_gap_stiffness_and_winding_are_learnt_whatever_the_zero(drive, k, gap, z
 
 def test_the_steps_of_the_encoder_average_out(drive):
     given, wound = cable(150, 0.01, 0.2)
-    given["theta_motor_rad"] = (np.floor(given["theta_motor_rad"] / STEP) + 0.5) * STEP
+    steps = (np.floor(given["theta_motor_rad"] / STEP) + 0.5) * STEP - given["theta_motor_rad"]
+    true_rad = given["theta_rad"]
+    given["theta_motor_rad"] = given["theta_motor_rad"] + steps
+    given["theta_rad"] = true_rad + steps
     y, _ = cable_observer(drive).simulator().run(given)
     missed = (y["wound_rad"] - wound)[-1700:]
     raw = (given["theta_gear_rad"] + 0.2 - given["theta_motor_rad"] - wound)[-1700:]
     assert np.std(missed) < 0.6 * np.std(raw)
     assert np.abs(y["gap_rad"][-1700:] - 0.01).max() < 1e-3
+    assert np.std((y["delta_rad"] - true_rad)[-1700:]) < 0.6 * np.std(steps)
 
 
 # -- the prediction --------------------------------------------------------------------------------

@@ -78,7 +78,7 @@ def test_a_step_of_the_drives_disturbance(drive, which):
 
 
 def test_a_step_of_the_cables_gap(drive):
-    """[cable 1] to [cable 6], decided by torque, by what was shown, and by where the gear is."""
+    """[cable 1] to [cable 7], decided by torque, by what was shown, and by where the gear is."""
 
     def together(s, u, rng):
         # A gear that has turned as far as the motor side, but for the gap's ends, and a mean.
@@ -110,7 +110,11 @@ def test_a_step_of_the_cables_gap(drive):
     kept_low = where(at_low, new_low, clip(new_low, new_high - 0.03, new_high))
     kept_high = where(at_low, clip(new_high, new_low, new_low + 0.03), new_high)
     between = where(pushes, kept_low, clip(seen, kept_low, kept_high))
-    wound = where(pulls, kept_high, between) - (kept_high + kept_low) / 2
+    lain = where(pulls, kept_high, between)
+    wound = lain - (kept_high + kept_low) / 2
+    count = 2 * math.pi / 4096
+    delta = u.theta_rad + where(ok, clip(seen - lain, -count, count), 0)
+    most = range_of(run.block, "delta_rad")
     closed = u.mode > 1.5
     taut = ok & (pulls | pushes)
     on = taut & (s.taut != 0)
@@ -130,6 +134,7 @@ def test_a_step_of_the_cables_gap(drive):
             "next_mean_rad": where(on, s.mean_rad + slow * (turned - s.mean_rad), turned),
             "next_mean_Nm": where(on, s.mean_Nm + slow * (pull - s.mean_Nm), pull),
             "next_give_rad_Nm": give,
+            "y_delta_rad": clip(delta, -most, most),
             "y_wound_rad": where(ok & ~closed, wound, 0) + carried,
             "y_give_rad_Nm": give,
             "y_gap_rad": gap,

@@ -63,11 +63,8 @@ def _parts(base: Base) -> Parts:
     one_layer = asked is None or asked.impedance == "one_layer"
     person: Person = "extended_state" if asked is None else asked.person
     weights = (Q_BEST, R_BEST) if asked is None else (asked.Q.value, asked.R.value)
-    grid, published, along = (
-        device_horizon(device),
-        person == "parabola",
-        future != "held" or one_layer,
-    )
+    grid, published = device_horizon(device), person == "parabola"
+    along = future != "held" or one_layer
     control: dict[str, Component] = {}
     sense: dict[str, Component] = {}
     after_limits: dict[str, Component] = {}
@@ -160,7 +157,7 @@ def _sources(published: bool, along: bool, train: DriveTrain) -> dict[str, dict[
             "wish_shift_Nm": "adaptation.wish_shift_Nm",
         },
         "predictive": {
-            "delta_rad": "joint.theta_rad",
+            "delta_rad": "cable.delta_rad" if train == "cable" else "joint.theta_rad",
             "omega_rad_s": "velocity.omega_rad_s",
             "wound_rad": "cable.wound_rad",
             "gap_rad": "cable.gap_rad",

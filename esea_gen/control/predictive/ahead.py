@@ -125,13 +125,7 @@ class _Ahead:
                 around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             ]
             outputs += [
-                Port(
-                    "theta_d_rad",
-                    self.low,
-                    self.high,
-                    "wanted angle at the intervals' ends",
-                    self.n,
-                ),
+                Port("theta_d_rad", self.low, self.high, "wanted angle at these ends", self.n),
                 around("omega_d_rad_s", self.omega_lim, "wanted rate there", self.n),
                 *gains,
             ]

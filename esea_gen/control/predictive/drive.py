@@ -23,6 +23,8 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 Q_BEST, R_BEST = 500.0, 1.0
+# A motion that lasts needs its motor torque's rate: with all of it in the cost the torque lags.
+EFFORT_SHARE = 0.3
 # R counts as this share of Q at least.
 LEAST_SHARE = 1e-4
 PATH = {"theta_d": "theta_d_rad", "omega_d": "omega_d_rad_s"}
@@ -42,7 +44,8 @@ EQUATIONS = """
     [z] | z | Max(-3, Min(3, omega_m / omega_w)) | rate over the width of Coulomb friction
     (5.3) | omega_l' | (tau_e + tau_h) / J_h | load side
 """
-COST = "\n[cost] | c_k | Q * e**2 + R * ((u_c - u_a) / tau_c)**2 | summed over k"
+COST = """
+    [cost] | c_k | Q * e**2 + R * (u_a' - p * v)**2 | summed over k; v: u_a' in the last plan"""
 TORQUE_COST = "[error] | e | tau_e - tau_d | what the cost weighs" + COST
 IMPEDANCE_COST = (
     """(5.24) | e | tau_e - tau_d + K_p * (theta_l - theta_d) \
@@ -80,6 +83,7 @@ class _Drive:
         self.ratio, self.inertia = a.gear_ratio.value, a.J_kgm2.value
         self.fv, self.fc = a.fv_Nms_rad.value, a.fc_Nm.value
         self.width = a.coulomb_width_rad_s.value
+        self.effort_share = 1.0 if self.published else EFFORT_SHARE
         self.tau_c, self.u_max = a.tau_c_s.value, drive.u_Nm
         self.rubber = rubber_ahead(device)
         self.cable: CableModel | None = None

@@ -169,9 +169,10 @@ SubstepFn = Callable[
 
 # start(inputs, tau_memory) -> states at the measurement; substep(tape, h, x, u, p, w) -> next
 # states, with parameters p and forecasts w; error(x, p, r) and effort(x, u, p): what is to be 0 at
-# the end and at the start of every interval, weights included.  references: input, and whether it
-# has one value an interval (preview).  forecasts: f(inputs, p, s) with s the ``shape`` of time in
-# the middle of the interval. enable: input above 0.5 while it is to act.  deflection(inputs): at
+# the end and at the start of every interval, weights included.  effort_share: share of the last
+# plan's effort that is to be 0; of the rest only the change counts.  references: input, and whether
+# it has one value an interval (preview).  forecasts: f(inputs, p, s) with s the ``shape`` of time
+# in the middle of the interval. enable: input above 0.5 while it is to act.  deflection(inputs): at
 # which ``play`` was taken.
 @dataclass(frozen=True)
 class Model:
@@ -193,6 +194,7 @@ class Model:
     )
     shape: Callable[[float], float] = float
     parameters: tuple[str, ...] = ()
+    effort_share: float = 1.0
     stops: Stops | None = None
     play: str = ""
     deflection: Callable[[SimpleNamespace], Any] | None = None

@@ -306,8 +306,9 @@ class _Writer:
             partial = [ca.simplify(by_x[0, c]) for c in used]
             slope = b.array(f"{name}_slope", max(1, len(used)), "local")
             shared = [self.x[:], self.u[0], self.p[0 : p.numel()], self.r[0 : r.numel()]]
+            at_plan = m.effort_share * expression if effort else expression
             f = ca.Function(
-                name, [x, u, p, r], [expression, ca.densify(ca.vertcat(*partial, ca.SX(0, 1)))]
+                name, [x, u, p, r], [at_plan, ca.densify(ca.vertcat(*partial, ca.SX(0, 1)))]
             )
             b.run(f, shared, [value[k], slope[0 : len(used)]])
             d = ca.SX.sym("d", nx)
