@@ -209,7 +209,7 @@ def test_the_prediction_moves_as_is_shown(impedance):
     (error,), (effort,) = model.error(state, parameters, ref), model.effort(state, 0.15, parameters)
     e = check("(5.24)" if impedance else "[error]", error / p["root_q"])
     root_r = p["root_r"] * KNOWN["tau_c"]
-    check("[cost]", error**2 + effort**2, e=e, R=root_r**2)
+    check("[cost]", error**2 + effort**2, e=e, R=root_r**2, p=0.7, v=0.0)
 
 
 def test_no_equation_is_left_out():
