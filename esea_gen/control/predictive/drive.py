@@ -45,7 +45,7 @@ EQUATIONS = """
     (5.3) | omega_l' | (tau_e + tau_h) / J_h | load side
 """
 COST = """
-    [cost] | c_k | Q * e**2 + R * ((u_c - u_a) / tau_c - p * v)**2 | v: this rate in the last plan"""
+    [cost] | c_k | Q * e**2 + R * ((u_c - u_a) / tau_c - p * v)**2 | v: of the last plan"""
 TORQUE_COST = "[error] | e | tau_e - tau_d | what the cost weighs" + COST
 IMPEDANCE_COST = (
     """(5.24) | e | tau_e - tau_d + K_p * (theta_l - theta_d) \
