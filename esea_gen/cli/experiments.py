@@ -103,12 +103,6 @@ def _reproduce(written: Written) -> Callable[..., None]:
     return with_data if written.recordings else alone
 
 
-def _page_file(path: Path | None) -> Path | None:
-    if path is not None and path.suffix.lower() not in (".html", ".md"):
-        raise UserError(f"{path}: not a page's name.", "End it in .html or .md.")
-    return writable(path)
-
-
 def _whole_thesis(
     chapters: Annotated[
         list[int] | None, option("--chapter", "Only this one; may be given again.", min=3, max=8)
@@ -122,7 +116,7 @@ def _whole_thesis(
     ] = None,
     page: Annotated[
         Path | None,
-        option("--page FILE", "Also write the page: .html or .md.", callback=_page_file),
+        option("--page FILE", "Also write the page, HTML.", callback=writable),
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -138,8 +132,7 @@ def _whole_thesis(
             ["esea-gen reproduce all", *(f"--chapter {c}" for c in chapters or ())]
             + [f"--given {p.name}" for p in given or ()]
         )
-        html = page.suffix.lower() == ".html"
-        write_whole(page, thesis_page(result, command) if html else result.markdown())
+        write_whole(page, thesis_page(result, command))
         out.print(f"page: {page}")
     exit_unless(result.explained)
 

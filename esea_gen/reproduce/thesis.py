@@ -264,21 +264,6 @@ class Recomputed:
         )
         return [*lines, "", f"{len(self.judged)} tables and figures: {counts}.", unclear]
 
-    def markdown(self) -> str:
-        out = ["# The thesis, recomputed", "", NOTE, "", f"Made by esea-gen {__version__}.", ""]
-        for chapter in dict.fromkeys(j.printed.chapter for j in self.judged):
-            out += [f"## Chapter {chapter}", ""]
-            for j in self.judged:
-                if j.printed.chapter == chapter:
-                    out += _section(j)
-        if self.misprints:
-            head = "| where | printed | meant | shown by |\n|---|---|---|---|"
-            out += ["## Misprints and readings", "", head]
-            for m, numbers in self.misprints:
-                shown = ", ".join(f"{n}: {x:.4g}" for n, x in numbers.items())
-                out.append(f"| {m.place} | {m.printed} | {m.meant} | {shown} |")
-        return "\n".join(out).rstrip() + "\n"
-
     def figure(self) -> Figure:
         figure = Figure(figsize=(9, 5.5), layout="constrained")
         ax = figure.subplots()
@@ -294,26 +279,6 @@ class Recomputed:
         ax.set_title("Numbers of the thesis, recomputed (figure 5.5 simulated)", fontsize="medium")
         ax.grid(axis="x", alpha=0.3)
         return figure
-
-
-def _section(j: VerdictOn) -> list[str]:
-    p = j.printed
-    simulated = " Ours is **simulated**." if p.simulated and j.ours else ""
-    why = f": {j.why}" if j.why else ""
-    out = [f"### {p.id}: {p.title}", "", f"**{j.verdict}**{why}.{simulated}", ""]
-    out += [f"Printed: {p.says}.", ""] if p.says else []
-    names = dict.fromkeys([*p.published, *j.ours])
-    if names and (j.ours or p.published):
-        unit = f" / {p.unit}" if p.unit else ""
-        out += [f"| | published{unit} | ours{unit} |", "|---|---|---|"]
-        for name in names:
-            both = (p.published.get(name), j.ours.get(name))
-            cells = ["–" if x is None else f"{x:.4g}" for x in both]
-            out.append(f"| {name} | {cells[0]} | {cells[1]} |")
-        out.append("")
-    if p.command:
-        out += [f"`{p.command}`", ""]
-    return out
 
 
 def recompute(

@@ -314,7 +314,6 @@ class ClosedLoop:
         signals: Mapping[str, Any],
         plant_tunables: Mapping[str, float] | None = None,
         controller_tunables: Mapping[str, Mapping[str, float]] | None = None,
-        initial: Mapping[str, float] | None = None,
         seed: int = 0,
         ticks: int | None = None,
         fault: EncoderFault | None = None,
@@ -335,9 +334,6 @@ class ClosedLoop:
             In place of the variant's, by tunable.
         controller_tunables : mapping, optional
             ``{instance: {tunable: value}}`` other than the defaults.
-        initial : mapping of str to float, optional
-            ``theta_g_rad``, ``theta_m_rad``, ``theta_l_rad`` and ``omega_...`` of the same; angles
-            not given are the start of the path, speeds 0.  Of a plant with one axis.
         seed : int
             Of the person's torque noise, and of an encoder's.
         ticks : int, optional
@@ -354,13 +350,13 @@ class ClosedLoop:
         Raises
         ------
         UserError
-            For a signal, tunable or initial value that is missing, unknown or out of range.
+            For a signal or tunable that is missing, unknown or out of range.
         RanAwayError
             When the plant left its ranges and was started afresh: the run means nothing then.
         """
         n = self._ticks(signals, ticks)
         values = {**self.variant.values, **(plant_tunables or {})}
-        first, sampled = self._start(signals, values, initial or {})
+        first, sampled = self._start(signals)
         table = self._table(signals, n)
         skipped = _skipped(missed, delay_ticks, n)
         held_rad = [first[of_axis("theta_rad", a)][-1] for a in self.axes]
@@ -388,15 +384,14 @@ class ClosedLoop:
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
     def _start(
-        self, signals: Mapping[str, Any], values: Mapping[str, float], initial: Mapping[str, float]
+        self, signals: Mapping[str, Any]
     ) -> tuple[dict[str, list[float]], dict[str, float]]:
         # State of the plant, and what it shows before its first step.
         first: dict[str, list[float]] = {}
         sampled: dict[str, float] = {}
         for axis in self.axes:
             at_rad = float(np.asarray(signals.get(of_axis("theta_p_rad", axis), (0.0,)))[0])
-            scale = values.get(of_axis("elastomer_scale", axis), 1.0)
-            state, shown = start_state(self.plant.blocks["plant"], at_rad, initial, scale, axis)
+            state, shown = start_state(self.plant.blocks["plant"], at_rad, axis)
             first |= state
             sampled |= shown
         return first, sampled

@@ -26,7 +26,6 @@ second, which no explicit step of 0.2 ms takes.  ``docs/benchmarks.md`` has evid
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -335,50 +334,11 @@ def steps_a_tick(step_s: float, tick_s: float) -> int:
     return every
 
 
-def _spring_Nm(plant: Block, delta: float) -> float:
-    # Of an elastomer without memory.
-    if not delta:
-        return 0.0
-    constants = {c.name: c.value for c in plant.constants}
-    if "k1_Nm_rad" not in constants:
-        raise UserError(
-            f"The coupling would start deflected by {delta:g} rad, and its torque model, a member "
-            "of the family, starts unloaded.",
-            "Give motor and load side the same initial angle.",
-        )
-    return constants["k1_Nm_rad"] * delta + constants["k3_Nm_rad3"] * delta**3
-
-
 def start_state(
-    plant: Block,
-    start_rad: float,
-    initial: Mapping[str, float],
-    elastomer_scale: float = 1.0,
-    axis: str = "",
+    plant: Block, start_rad: float, axis: str = ""
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """State of a plant's Block at the start of a run, and what its outputs show of it."""
-    ports = {p.name: p for p in plant.outputs}
-    known = [f"{q}_{b}_{u}" for q, u in (("theta", "rad"), ("omega", "rad_s")) for b in _BODIES]
-    for key, value in initial.items():
-        if key not in known:
-            raise UserError(f"No initial value is named {key}.", f"There are {', '.join(known)}.")
-        port = ports[of_axis(key, axis)]
-        if not port.low <= value <= port.high:
-            raise UserError(
-                f"Initial {key} = {value:g} is outside {port.low:g} to {port.high:g}.",
-                "Give a value inside.",
-            )
-    count = next(p.size for p in plant.state if p.name == of_axis("theta_rad", axis))
-    bodies = tuple(_BODIES)[3 - count :]
-    theta = {b: float(initial.get(f"theta_{b}_rad", start_rad)) for b in _BODIES}
-    omega = {b: float(initial.get(f"omega_{b}_rad_s", 0.0)) for b in _BODIES}
-    if "g" not in bodies:
-        theta["g"], omega["g"] = theta["m"], omega["m"]
-    spring = _spring_Nm(plant, theta["m"] - theta["l"])
-    shown = {f"theta_{b}_rad": x for b, x in theta.items()}
-    shown |= {f"omega_{b}_rad_s": x for b, x in omega.items()}
-    shown["tau_e_Nm"] = elastomer_scale * spring
-    state = {"theta_rad": [theta[b] for b in bodies], "omega_rad_s": [omega[b] for b in bodies]}
-    return {of_axis(k, axis): x for k, x in state.items()}, {
-        of_axis(k, axis): x for k, x in shown.items()
-    }
+    """State of a plant's Block at rest at an angle, and what its outputs show of it."""
+    name = of_axis("theta_rad", axis)
+    count = next(p.size for p in plant.state if p.name == name)
+    shown = {of_axis(f"theta_{b}_rad", axis): start_rad for b in _BODIES}
+    return {name: [start_rad] * count}, shown

@@ -93,7 +93,7 @@ class SteppedTwin:
         library.function(f"{prefix}_init")(self._coeffs, self._state)
         sampled: dict[str, float] = {}
         for axis, angle in zip(self.axes, angles_rad, strict=True):
-            first, shown = start_state(self.system.blocks["plant"], angle, {}, axis=axis)
+            first, shown = start_state(self.system.blocks["plant"], angle, axis)
             sampled |= shown
             for key, vector in first.items():
                 getattr(self._state.plant, key)[0 : len(vector)] = vector

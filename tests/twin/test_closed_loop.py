@@ -131,7 +131,7 @@ def by_hand(board, loop: ClosedLoop, signals: dict, values: dict, start_rad: flo
     for k, v in values.items():
         grouped.setdefault(owners[k], {})[k] = v
     plant = loop.plant.simulator(grouped)
-    first, plant_now = start_state(loop.plant.blocks["plant"], start_rad, {})
+    first, plant_now = start_state(loop.plant.blocks["plant"], start_rad)
     plant.blocks["plant"].state = first
     plant_now = {
         x.name: plant_now.get(x.name, 0.0) for x in loop.plant.task_outputs(loop.plant.tasks[0])
@@ -228,14 +228,11 @@ def test_a_run_follows_the_torque(device, loop):
 
 def test_row_k_is_time_k(loop):
     run = loop.run(
-        {"tau_desired_Nm": np.zeros(5)}, {"gravity_Nm": 0.0}, initial={"theta_l_rad": 0.7}
+        {"tau_desired_Nm": np.zeros(5), "theta_p_rad": np.full(5, 0.7)}, {"gravity_Nm": 0.0}
     )
-    assert run["theta_l_rad"][0] == 0.7
+    assert run["theta_l_rad"][0] == run["theta_m_rad"][0] == 0.7
     assert run["count_load"][0] == math.floor(0.7 / STEP_RAD)
-    assert run["theta_m_rad"][0] == 0
-    # Without a path the person holds the arm where it starts; memory of the elastomer is fresh.
-    delta = -0.7
-    assert run["tau_e_Nm"][0] == pytest.approx(9.39 * delta + 239 * delta**3)
+    assert run["tau_e_Nm"][0] == 0
 
 
 def test_runs_start_afresh_and_follow_the_seed(loop):
@@ -315,7 +312,6 @@ def test_a_plant_too_stiff_for_its_step_is_reported(loop):
         ({"plant_tunables": {"joint_encoder_bits": 10.5}}, "not a whole number"),
         ({"controller_tunables": {"law": {"gain": 99.0}}}, "law.gain = 99 is outside 0 to 20"),
         ({"controller_tunables": {"low": {"gain": 1.0}}}, "no tunable low.gain"),
-        ({"initial": {"theta_x_rad": 0.0}}, "named theta_x_rad"),
         ({"ticks": 0}, "0 ticks"),
     ],
 )
