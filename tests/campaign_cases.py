@@ -10,6 +10,12 @@ from pathlib import Path
 import numpy as np
 
 
+def seeded(count, root=0, **fixed):
+    """Cases that differ in their seed only."""
+    children = np.random.SeedSequence(root).spawn(count)
+    return [{"seed": int(c.generate_state(1, np.uint64)[0]), **fixed} for c in children]
+
+
 def draw(seed, gain=1.0):
     value = np.random.default_rng(seed).normal()
     if value > 1.5:

@@ -9,8 +9,11 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
+from esea_gen.board.emulator import EmulatorResult, run_tasks_in_emulator
+from esea_gen.board.firmware import FirmwareImage
 from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
@@ -44,6 +47,14 @@ static void print_registers(void)
         printf("%u %u\\n", registers[i].address, registers[i].value);
 }
 """
+
+
+def run_in_emulator(
+    device: Device, image: FirmwareImage, inputs: dict, options: Sequence[str] = ()
+) -> EmulatorResult:
+    """The first task alone."""
+    name = device.system.tasks[0].name
+    return run_tasks_in_emulator(device, image, {name: inputs}, options=options)[name]
 
 
 def without_processor(folder: Path) -> Path:

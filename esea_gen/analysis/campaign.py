@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.analysis.journal import Configuration, Journal, Result, canonical
 from esea_gen.analysis.monte_carlo import MonteCarlo
@@ -52,24 +50,6 @@ class Workers:
     def __post_init__(self) -> None:
         if self.jobs < 1 and self.jobs != -1:
             raise UserError(f"workers: {self.jobs}.", "Give 1 or more, or -1 for all cores.")
-
-
-def seeded(count: int, *, root: int = 0, **fixed: Any) -> list[dict[str, Any]]:
-    """Cases that differ in their seed only, each an independent number of 64 bits.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-    root : int
-        Root of the seeds; a longer list begins with the shorter one.
-    **fixed
-        Further arguments of every case.
-    """
-    if count < 1:
-        raise UserError(f"count: {count}.", "Ask for at least 1 case.")
-    children = np.random.SeedSequence(root).spawn(count)
-    return [{"seed": int(c.generate_state(1, np.uint64)[0]), **fixed} for c in children]
 
 
 # -- running --------------------------------------------------------------------------------------

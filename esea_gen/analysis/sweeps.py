@@ -1,4 +1,4 @@
-"""Frequency responses from recorded signals: noise, periodic, swept sine."""
+"""Frequency responses from recorded sweeps."""
 
 from __future__ import annotations
 
@@ -9,57 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.response import Array, checked, checked_period, checked_time
+from esea_gen.analysis.response import Array, checked, checked_time
 from esea_gen.errors import UserError
 
-# Below this share of the strongest line's amplitude an input does not excite.
-EXCITED = 1e-3
-# Averages below which a coherence says nothing: of one segment it is 1 by construction.
-MIN_SEGMENTS = 4
-MIN_SAMPLES_A_SEGMENT = 16
+MIN_SAMPLES_A_WINDOW = 16
 # Of the windows along a sweep: width, at least so many cycles, and how many are tried.
 RESOLUTION_Hz, CYCLES, POINTS = 1.0, 3.0, 200
-
-
-def welch_response(
-    u: npt.ArrayLike, y: npt.ArrayLike, period_s: float, *, segment_s: float
-) -> FrequencyResponse:
-    """Response from averaged spectra (H1, Hann segments, half overlapping)."""
-    # H1 = S_uy / S_uu is free of bias when the noise is on the output only; its relative standard
-    # deviation is sqrt((1 - c) / (2 c n)) of n segments that count as independent (Bendat and
-    # Piersol, Random Data, 2010, 6.1 and 9.2).  A delay d biases the gain by (1 - d/segment_s).
-    from scipy.signal import csd
-
-    rate = 1.0 / checked_period(period_s)
-    x = checked("u", u)
-    z = checked("y", y, len(x))
-    length, segments = _segments(len(x), segment_s, rate)
-
-    def cross(a: Array, b: Array) -> npt.NDArray[np.complex128]:
-        _, s = csd(a, b, rate, window="hann", nperseg=length, detrend="constant")
-        return np.asarray(s, dtype=np.complex128)
-
-    f: Array = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=np.float64)
-    s_uu, s_uy, s_yy = cross(x, x).real, cross(x, z), cross(z, z).real
-    use = (f > 0) & (f < 0.5 * rate) & (s_uu > EXCITED**2 * np.max(s_uu[1:]))
-    coherence = np.abs(s_uy[use]) ** 2 / np.maximum(s_uu[use] * s_yy[use], 1e-300)
-    coherence = np.clip(coherence, 0.0, 1.0)
-    independent = segments / (1 + 2 / 36 * (segments - 1) / segments)
-    sigma = np.sqrt((1 - coherence) / np.maximum(2 * coherence * independent, 1e-12))
-    method = f"Welch H1, {segments} Hann segments of {length / rate:g} s"
-    return FrequencyResponse(f[use], s_uy[use] / s_uu[use], coherence, sigma, method)
-
-
-def _segments(samples: int, segment_s: float, rate: float) -> tuple[int, int]:
-    length = round(segment_s * rate)
-    segments = (samples - length) // max(length - length // 2, 1) + 1 if length else 0
-    if length < MIN_SAMPLES_A_SEGMENT or segments < MIN_SEGMENTS:
-        raise UserError(
-            f"segment_s: {segment_s:g} s gives {max(segments, 0)} segments of {length} samples in "
-            f"{samples / rate:g} s; at least {MIN_SEGMENTS} of {MIN_SAMPLES_A_SEGMENT} are needed.",
-            "Record for longer, or shorten the segments.",
-        )
-    return length, segments
 
 
 @dataclass(frozen=True)
@@ -122,7 +77,7 @@ def _windows(time: Array, both: Array, sweep: Sweep) -> list[tuple[float, comple
         if centre - half < begin - 1e-9 or centre + half > end + 1e-9:
             continue
         a, b = np.searchsorted(time, (centre - half, centre + half))
-        if b - a < MIN_SAMPLES_A_SEGMENT or (b - a) < 4 * 2 * half * f:
+        if b - a < MIN_SAMPLES_A_WINDOW or (b - a) < 4 * 2 * half * f:
             continue  # fewer than four samples a cycle, or a gap
         kept.append((float(f), *_local(time[a:b], phase[a:b], both[a:b], centre, half)))
     if len(kept) < 4:

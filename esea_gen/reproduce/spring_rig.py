@@ -18,17 +18,15 @@ from matplotlib.figure import Figure
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
 from esea_gen.analysis.plots import bode
-from esea_gen.analysis.response import Array, checked, checked_time, resample
+from esea_gen.analysis.response import Array, checked, checked_time
 from esea_gen.analysis.step import StepMetrics, step_metrics
-from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
+from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Reproduction
 from esea_gen.tables import read_table
 
 SWEEP = Sweep(0.0, 40.0, 40.0)
 STEP_S = 3.0
-# Pauses of the rig's computer, up to 31 ms, are bridged; the 0.3 s after the first sample are not.
-MAX_GAP_S = 0.1
 SMOOTHING = 99
 AUTHOR_DROP_DB = 4.5
 PUBLISHED = {
@@ -65,11 +63,8 @@ class SweepCheck:
     author_Hz: float
     local: Bandwidth
     local_author_drop: Bandwidth
-    welch: Bandwidth
     command: Bandwidth
     response: FrequencyResponse
-    dropped_s: float
-    widest_s: float
 
 
 @dataclass(frozen=True)
@@ -96,7 +91,6 @@ class DataCheck:
             for label, b in (
                 ("local fits, -3.01 dB of lowest", s.local),
                 ("local fits, -4.5 dB of lowest", s.local_author_drop),
-                ("averaged spectra, -3.01 dB of lowest", s.welch),
                 ("local fits, -3.01 dB of the command", s.command),
             ):
                 value = "    none" if b.bandwidth_Hz is None else f"{b.bandwidth_Hz:8.3f}"
@@ -138,8 +132,6 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
     loop = "closed" if named[1] else "open"
     time, u, y = _columns(path, "time", "torque_in", "torque_ati")
     response = sweep_response(time, u, y, SWEEP)
-    grid = resample(time, [u, y], max_gap_s=MAX_GAP_S)
-    spectra = welch_response(grid.signals[0], grid.signals[1], grid.period_s, segment_s=4.0)
     return SweepCheck(
         path.name,
         loop,
@@ -147,11 +139,8 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
         author_bandwidth(time, u, y),
         response.bandwidth(),
         response.bandwidth(drop_dB=AUTHOR_DROP_DB),
-        spectra.band(0.5, SWEEP.end_Hz - 1).bandwidth(),
         response.bandwidth(passband_gain=1.0),
         response,
-        grid.dropped_s,
-        grid.widest_s,
     )
 
 

@@ -383,9 +383,7 @@ class ClosedLoop:
         lost = self._lib.esea_loop_run(*coeffs, state, *of_plant, *pointer, *off)
         return dataclasses.replace(self._result(record), missed_runs=int(lost))
 
-    def _start(
-        self, signals: Mapping[str, Any]
-    ) -> tuple[dict[str, list[float]], dict[str, float]]:
+    def _start(self, signals: Mapping[str, Any]) -> tuple[dict[str, list[float]], dict[str, float]]:
         # State of the plant, and what it shows before its first step.
         first: dict[str, list[float]] = {}
         sampled: dict[str, float] = {}

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from esea_gen.analysis import journal
-from esea_gen.analysis.campaign import Workers, run_cases, seeded
+from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.journal import Configuration, Journal, file_digest
 from esea_gen.errors import UserError
-from tests.campaign_cases import draw, noted
+from tests.campaign_cases import draw, noted, seeded
 from tests.conftest import ROOT, until
 
 PATHS = os.pathsep.join((str(ROOT), str(ROOT / "host")))

@@ -17,10 +17,10 @@ from pathlib import Path
 import pytest
 
 from esea_gen import cli
-from esea_gen.analysis.campaign import Workers, run_cases, seeded
+from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.cluster import code_digest
 from tests.analysis.test_campaign import CONFIG, PATHS, killed_and_resumed, until
-from tests.campaign_cases import compiled, draw, noted
+from tests.campaign_cases import compiled, draw, noted, seeded
 from tests.conftest import ROOT, require_module, require_tool
 
 pytestmark = pytest.mark.ci

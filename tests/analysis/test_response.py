@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
-from esea_gen.analysis.response import resample
 from esea_gen.analysis.step import step_metrics
-from esea_gen.analysis.sweeps import Sweep, sweep_response, welch_response
+from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.errors import UserError
 from esea_gen.files import plain
 from esea_gen.reproduce.spring_rig import author_bandwidth, check_on_data
@@ -68,31 +67,6 @@ def test_instability_of_an_oscillator(zeta, verdict):
         assert m.oscillation_Hz == pytest.approx(3, abs=0.4)
         assert m.rise_s is m.settling_2_s is m.overshoot_percent is None
         assert len(m.table()) == 1
-
-
-# -- resampling -----------------------------------------------------------------------------------
-
-
-@settings(max_examples=30)
-@given(seed=st.integers(0, 2**32 - 1), slope=st.floats(-5, 5))
-def test_a_straight_line_stays_one(seed, slope):
-    t = np.cumsum(np.random.default_rng(seed).uniform(5e-4, 1.5e-3, 800))
-    r = resample(t, [3 + slope * t, t])
-    assert np.diff(r.time_s) == pytest.approx(r.period_s, rel=1e-9)
-    assert r.signals[0] == pytest.approx(3 + slope * r.time_s, abs=1e-9)
-    assert r.dropped_s == 0
-
-
-def test_gaps_are_cut():
-    t = np.concatenate([[0.0], 0.3 + H * np.arange(4000), 4.8 + H * np.arange(1000)])
-    r = resample(t, [np.sin(2 * np.pi * 5 * t)])
-    assert (r.time_s[0], r.time_s[-1]) == pytest.approx((0.3, 4.299))
-    assert r.dropped_s == pytest.approx(5.799 - 3.999)
-    assert r.widest_s == pytest.approx(H)
-    with pytest.raises(UserError, match="longest stretch"):
-        resample(np.arange(40.0), [np.zeros(40)], max_gap_s=0.5)
-    with pytest.raises(UserError, match="sample 7 is nan"):
-        resample(t, [np.where(np.arange(len(t)) == 7, np.nan, t)])
 
 
 # -- frequency response ---------------------------------------------------------------------------
@@ -187,28 +161,6 @@ def discrete(wn, zeta, h, hold="zoh"):
 
 
 @pytest.fixture(scope="module")
-def noisy():
-    rng = np.random.default_rng(5)
-    b, a = discrete(2 * np.pi * 8, 0.4, H)
-    u = rng.normal(0, 1, 100_000)
-    y = np.roll(signal.lfilter(b, a, u), 7)  # 7 ms of delay
-    return u, y + rng.normal(0, 0.02, len(u)), (b, a)
-
-
-def test_welch_finds_the_sampled_system(noisy):
-    u, y, (b, a) = noisy
-    r = welch_response(u, y, H, segment_s=4.0).band(0.5, 20)
-    _, true = signal.freqz(b, a, r.frequency_Hz, fs=1 / H)
-    true = true * np.exp(-2j * np.pi * r.frequency_Hz * 0.007)
-    error = np.abs(r.response / true - 1)
-    assert np.max(error) < 0.06
-    # The stated deviation is that of gain and of phase: the complex error is sqrt(2) of it.
-    ratio = np.sqrt(np.mean(error**2)) / np.sqrt(np.mean(2 * r.sigma**2))
-    assert 0.5 < ratio < 2.5
-    assert r.band(0.5, 10).coherence.min() > 0.95
-
-
-@pytest.fixture(scope="module")
 def swept():
     """40 s, 0 to 40 Hz, at irregular times picked out of an exact simulation at 20 kHz."""
     rng = np.random.default_rng(4)
@@ -256,8 +208,6 @@ def test_a_wrong_sweep_is_refused(swept):
         sweep_response(t[:50], u[:50], y[:50], sweep)
     with pytest.raises(UserError, match="does not rise"):
         Sweep(3.0, 3.0, 10.0)
-    with pytest.raises(UserError, match="segments"):
-        welch_response(u, y, H, segment_s=15.0)
 
 
 # -- impedance ------------------------------------------------------------------------------------

@@ -13,7 +13,6 @@ from esea_gen.board import emulator
 from esea_gen.board.emulator import (
     RunningBoard,
     first_difference,
-    run_in_emulator,
     run_tasks_in_emulator,
 )
 from esea_gen.board.firmware import build_firmware
@@ -21,6 +20,7 @@ from esea_gen.cli import app
 from esea_gen.errors import UserError
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
+from tests.firmware_harness import run_in_emulator
 
 pytestmark = pytest.mark.ci
 
@@ -84,7 +84,7 @@ def test_a_count_more_is_seen_in_the_tick_in_which_each_task_can_know_of_it(devi
 
 def test_one_task_of_two_runs_alone(device, native, drive):
     # The command never comes, and the limits say so: the same here and there.
-    alone = run_in_emulator(device, native, drive.inputs["sense"], task="sense")
+    alone = run_in_emulator(device, native, drive.inputs["sense"])
     assert alone.identical
     assert np.any(alone.outputs["fault"])
 

@@ -17,7 +17,6 @@ from esea_gen.board.emulator import (
     RunningBoard,
     find_qemu,
     first_difference,
-    run_in_emulator,
 )
 from esea_gen.board.firmware import (
     build_firmware,
@@ -31,6 +30,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.link.kept import kept_values
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import BOARDS, find_board, firmware_folder
+from tests.firmware_harness import run_in_emulator
 
 STEPS = 2000
 
@@ -241,15 +241,6 @@ def test_one_unit_in_the_last_place_of_one_constant_is_found(elbow, tmp_path):
     assert not result.identical
     assert result.first_difference.output in ("tau_Nm", "tau_spring_Nm")
     assert result.to_dict()["first_difference"]["board"].startswith("0x")
-
-
-def test_inputs_that_are_not_the_tasks_are_refused(elbow, native):
-    with pytest.raises(UserError, match=r"takes .*theta_rad"):
-        run_in_emulator(elbow, native, {"phi_rad": chirp(3)})
-    with pytest.raises(UserError, match="Tasks: sense"):
-        run_in_emulator(elbow, native, {"theta_rad": chirp(3)}, task="drive")
-    with pytest.raises(UserError, match="empty"):
-        run_in_emulator(elbow, native, {"theta_rad": np.zeros(0)})
 
 
 # -- the build ------------------------------------------------------------------------------------

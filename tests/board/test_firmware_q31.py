@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from esea_gen.board.emulator import RunningBoard, run_in_emulator, run_tasks_in_emulator
+from esea_gen.board.emulator import RunningBoard, run_tasks_in_emulator
 from esea_gen.board.firmware import build_firmware
 from esea_gen.device import load_device
 from esea_gen.emit.build import format_hash, render_device
@@ -15,6 +15,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.link.transport import LinkError
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
+from tests.firmware_harness import run_in_emulator
 
 pytestmark = pytest.mark.ci
 

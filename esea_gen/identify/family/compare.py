@@ -176,7 +176,6 @@ class ModelComparison:
             "full_scale_Nm": self.full_scale_Nm,
             "compare": plain(self.rows),
             **self.choice.to_dict(),
-            "standard_error": None,  # of an earlier rule
             "terms": self._terms(),
             "notes": list(self.notes),
         }

@@ -6,7 +6,6 @@ import copy
 import hashlib
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,6 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
-from esea_gen.emit.step_errors import Bound
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.compiler import compiler, write_texts
@@ -27,8 +25,6 @@ from esea_gen.language.program import Program
 from esea_gen.language.stream import single
 from esea_gen.language.system import System
 from esea_gen.portability import CAN_FORK, passes_apart
-from esea_gen.verify.bounds import bounds_or_rule
-from esea_gen.verify.compare import compare
 from esea_gen.verify.executor import (
     KernelTrajectory,
     exact_trajectory,
@@ -37,9 +33,8 @@ from esea_gen.verify.executor import (
 )
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.mutation.mutants import Mutant
-from esea_gen.verify.one_step import StepJudge
 from esea_gen.verify.program import compare_program, program_streams
-from esea_gen.verify.runs import CasadiOracle, run_c, run_executor, run_symbolic
+from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 from esea_gen.verify.streams import (
     at_the_limits,
     domain_chirp,
@@ -54,23 +49,13 @@ MUTANT_FLAGS = ("-std=c99", "-O0", "-ffp-contract=off", "-fPIC", "-w")
 BATCH_SIZE, ASTRAY_S = 600_000, 20
 
 
-@dataclass
-class Judged:
-    """One stream, with what the C must give, bit for bit."""
-
-    exact: KernelTrajectory
-    symbolic: tuple[dict[str, Array], dict[str, Array]] | None
-
-
 class Bench:
     """Compiles mutants and holds them against what the C must give."""
 
-    def __init__(
-        self, device: Device, real: str, folder: Path, loose: bool, kinds: Sequence[Any]
-    ) -> None:
+    def __init__(self, device: Device, real: str, folder: Path, kinds: Sequence[Any]) -> None:
         if not CAN_FORK:
             raise UserError("Mutants run in forked processes, which Windows lacks.", "Use WSL.")
-        self.device, self.folder, self.fmt, self.loose = device, folder, FORMATS[real], loose
+        self.device, self.folder, self.fmt = device, folder, FORMATS[real]
         self.cc = compiler()
         self.renderer = Renderer(device.system, self.fmt, "-", "-", device.title)
         self.library = HostLibrary(device.system, self.renderer)
@@ -82,7 +67,6 @@ class Bench:
             self._compile("-c", name, "-o", made, check=True)
         self.programs = [b for b in kinds if isinstance(b, Program)]
         self.blocks = [b for b in kinds if not isinstance(b, Program)]
-        self.limits: dict[str, tuple[dict[str, Bound], StepJudge | None]] = {}
         self.oracle = CasadiOracle(device.system) if real == "f64" else None
         self.judged = {b.name: self._judge(b) for b in self.blocks}
         self.setups = {b.name: expected_setup(b, self.fmt) for b in self.blocks}
@@ -101,20 +85,13 @@ class Bench:
         done = subprocess.run(command, cwd=self.folder, capture_output=True, check=check)
         return done.returncode == 0
 
-    def _judge(self, block: Block) -> list[Judged]:
-        if self.loose:
-            single = self.fmt.name == "f32"
-            self.limits[block.name] = bounds_or_rule(self.device, block) if single else ({}, None)
+    def _judge(self, block: Block) -> list[KernelTrajectory]:
+        # What the C must give, bit for bit, on every stream.
         recorded = recorded_stream(self.device, domain_chirp(self.device, 2.0), "chirp in domain")
-        out = []
-        for stream in [*streams(block), *(s for n, s in recorded.items() if n == block.name)]:
-            exact = exact_trajectory(block, self.library, stream, self.oracle)
-            out.append(Judged(exact, run_symbolic(block, stream) if self.loose else None))
-        # Bit by bit only: there, formats may decide differently.
         dtype = self.fmt.dtype
-        for stream in (at_the_limits(block, dtype), *other_memories(block, dtype)):
-            out.append(Judged(exact_trajectory(block, self.library, stream, self.oracle), None))
-        return out
+        tried = [*streams(block), *(s for n, s in recorded.items() if n == block.name)]
+        tried += [at_the_limits(block, dtype), *other_memories(block, dtype)]
+        return [exact_trajectory(block, self.library, s, self.oracle) for s in tried]
 
     # -- compiling -------------------------------------------------------------------------------
 
@@ -222,8 +199,7 @@ class Bench:
         for judged in self.judged[block.name]:
             if found:
                 break
-            run = run_c(library.block(block.name), judged.exact.stream)
-            found = judged.exact.first_difference(*run)
+            found = judged.first_difference(*run_c(library.block(block.name), judged.stream))
         return found
 
     def _program_difference(self, library: HostLibrary, program: Program) -> str:
@@ -238,20 +214,6 @@ class Bench:
             if not found.passed:
                 return f"{stream.name}: {found.problems or 'bits differ'}"
         return ""
-
-    def outside_bound(self, library: HostLibrary, mutant: Mutant) -> bool:
-        """Whether the looser comparison sees the mutant; the wiring and Programs have no other."""
-        block = mutant.block
-        if block is None or isinstance(block, Program):
-            return True
-        bounds, rule = self.limits[block.name]
-        return any(
-            not compare(
-                *(self.device, block, library, j.exact.stream, bounds, None, rule, j.symbolic)
-            ).passed
-            for j in self.judged[block.name]
-            if j.symbolic is not None
-        )
 
 
 def _renamed(texts: Sequence[str], names: Sequence[str]) -> str:

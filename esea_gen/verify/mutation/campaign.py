@@ -32,7 +32,6 @@ class MutationReport:
     tried: int = 0
     rejected: int = 0
     killed: int = 0
-    killed_by_bound: int | None = None
     equivalent: list[tuple[Mutant, str]] = field(default_factory=list)
     survivors: list[Mutant] = field(default_factory=list)
     kinds: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -57,7 +56,6 @@ class MutationReport:
             "tried": self.tried,
             "rejected_by_compiler": self.rejected,
             "killed": self.killed,
-            "killed_by_bound_alone": self.killed_by_bound,
             "score": self.score,
             "raw_score": self.raw_score,
             "required_score": REQUIRED_SCORE,
@@ -109,7 +107,7 @@ def run_mutation(
     chosen = _chosen(device, real, sample, seed, files)
     used = [b for b in touched if any(m.block is b for m in chosen)]
     with tempfile.TemporaryDirectory(prefix="esea-mutation-") as scratch:
-        bench = Bench(device, real, Path(scratch), sample is None, used)
+        bench = Bench(device, real, Path(scratch), used)
         bench.check()
         for _, group in groupby(chosen, key=lambda m: m.file):
             for mutant, library in bench.loaded(list(group)):
@@ -127,9 +125,6 @@ def run_mutation(
                     caught[mutant.kind] += 1
                     if proof and "whole" not in proof:
                         report.contradicted.append((mutant, proof))
-                    if bench.loose:
-                        seen = bench.outside_bound(library, mutant)
-                        report.killed_by_bound = (report.killed_by_bound or 0) + int(seen)
                 elif proof:
                     report.equivalent.append((mutant, proof))
                 else:
