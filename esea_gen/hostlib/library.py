@@ -19,7 +19,7 @@ from esea_gen.emit.render import Renderer
 from esea_gen.hostlib.codec import Array, Field, block_field, external_field, struct_dtype
 from esea_gen.hostlib.compiler import compile_sources, declared
 from esea_gen.language.block import Block
-from esea_gen.language.system import System, SystemSimulator
+from esea_gen.language.system import System, SystemSimulator, Task
 
 
 class HostLibrary:
@@ -75,6 +75,21 @@ class HostLibrary:
 def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> HostLibrary:
     """Render and compile a System that need not belong to a device."""
     return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
+
+
+def compile_block(block: Block, real: str = "f64") -> CRunner:
+    """Render and compile a Block by itself."""
+    name = block.name
+    system = System(
+        f"{name}_alone",
+        block.period_s,
+        {name: block},
+        (Task("run", (name,)),),
+        {},
+        {p.name: (f"{name}.{p.name}",) for p in block.inputs},
+        {p.name: f"{name}.{p.name}" for p in block.outputs},
+    )
+    return compile_system(system, real).block(name)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:

@@ -26,7 +26,7 @@ from esea_gen.devices.fields import Inverse, field_facts
 from esea_gen.devices.file import render_toml
 from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_system
+from esea_gen.hostlib.library import compile_block
 from esea_gen.identify.drafting import files_of
 from esea_gen.identify.identification import Identification
 from esea_gen.identify.published.fit import Progress
@@ -47,7 +47,7 @@ from esea_gen.identify.published.search_problem import (
 from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
 from esea_gen.identify.recording.resampling import autocorrelation
 from esea_gen.language.ports import Array
-from esea_gen.model.inverse import chosen_inverse, inverse_system
+from esea_gen.model.inverse import chosen_inverse
 from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS, published_inverse
 
 KEYS = ("kappa_rad", "phi_1_rad", "chi_rad")
@@ -75,8 +75,7 @@ class PlayPlant:
     ) -> None:
         # A trial's set-point may be far off: nothing may clip it.
         wide = with_numbers(device, {"limits.theta_rad": 1e3})
-        block = published_inverse(wide, tunable=True)
-        self.runner: CRunner = compile_system(inverse_system(wide, block), "f64").block(block.name)
+        self.runner = compile_block(published_inverse(wide, tunable=True))
         self.evaluations = 0
         self._torque: list[Array] = []
         self._at: list[npt.NDArray[np.intp]] = []
@@ -192,8 +191,7 @@ ALIKE = 0.95  # a correlation beyond this is called out
 
 def judge_inverse(device: Device, recordings: Sequence[Recording]) -> Misfits:
     """Run a device's published inverse, as it ships, on measured torque."""
-    block = chosen_inverse(device)
-    runner = compile_system(inverse_system(device, block), "f64").block(block.name)
+    runner = compile_block(chosen_inverse(device))
     errors = []
     for r in recordings:
         runner.reset()

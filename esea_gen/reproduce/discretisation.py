@@ -21,10 +21,9 @@ from matplotlib.figure import Figure
 from esea_gen.analysis.plots import Panel, panels
 from esea_gen.device import Device, load_device, with_numbers
 from esea_gen.devices.designed import suited_bandwidth_Hz
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import compile_block, compile_device
 from esea_gen.language.block import Block, Guard, Labels
 from esea_gen.language.ports import Array, Port
-from esea_gen.language.system import System, Task
 from esea_gen.model.elastomer import EPS1, EPS2, ETA, RATE, THETA, A, B, M, N
 from esea_gen.model.symbolic import to_casadi
 from esea_gen.studies.registry import Reproduction
@@ -104,19 +103,6 @@ def maxwell_block(device: Device, scheme: str) -> Block:
     )
 
 
-def _compiled(device: Device, block: Block) -> CRunner:
-    system = System(
-        device.name,
-        device.period_s,
-        {block.name: block},
-        (Task("run", (block.name,)),),
-        {},
-        {p.name: (f"{block.name}.{p.name}",) for p in block.inputs},
-        {p.name: f"{block.name}.{p.name}" for p in block.outputs},
-    )
-    return compile_system(system, "f64").block(block.name)
-
-
 @dataclass(frozen=True)
 class EncodedMotion:
     amplitude_deg: float
@@ -148,7 +134,7 @@ MOTIONS = (
 def continuous_torque(device: Device, motion: EncodedMotion) -> Array:
     """Rate torque of the continuous model, on a grid of ``REFINE_HZ``."""
     fine = with_numbers(device, {SENSE_RATE: REFINE_HZ})
-    runner = _compiled(fine, maxwell_block(fine, "exponential"))
+    runner = compile_block(maxwell_block(fine, "exponential"))
     count = round(motion.duration_s * REFINE_HZ)
     out = np.empty(count)
     for first in range(0, count, CHUNK):
@@ -225,7 +211,7 @@ def _ideal(device: Device, exact: dict[EncodedMotion, Array], say: Callable[[str
             runner = (
                 compile_device(coarse, "f64").block("sensor")
                 if scheme == OURS
-                else _compiled(coarse, maxwell_block(coarse, scheme))
+                else compile_block(maxwell_block(coarse, scheme))
             )
             for motion, fine in exact.items():
                 t = np.arange(round(motion.duration_s * rate)) / rate

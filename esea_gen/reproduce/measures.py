@@ -17,9 +17,8 @@ import numpy as np
 from esea_gen.device import load_device
 from esea_gen.devices.file import DeviceData
 from esea_gen.devices.numbers import Quantity
-from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.library import compile_block
 from esea_gen.language.ports import Array
-from esea_gen.model.inverse import inverse_system
 from esea_gen.model.published_inverse import FILTER_B, PLAY_DEFAULTS, FilterName, published_inverse
 from esea_gen.reproduce.torque_model import Chapter3, reproduce_chapter3, reproduce_chapter4
 from esea_gen.studies.simulation import default_person, simulate
@@ -131,8 +130,7 @@ class Measures:
     def _setpoint(self, filter_name: FilterName | None, signal: int) -> Array:
         # As the published inverse gives it, rad, with its emitted C.
         device = load_device("elbow")
-        block = published_inverse(device, filter_name)
-        runner = compile_system(inverse_system(device, block), "f64").block(block.name)
+        runner = compile_block(published_inverse(device, filter_name))
         given = {"tau_Nm": SIGNALS[signal - 1].sample(1 / device.period_s)}
         return np.asarray(runner.run(given, trace=False)[0]["theta_rad"], dtype=float)
 

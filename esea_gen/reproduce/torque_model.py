@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 
 from esea_gen.analysis.plots import Panel, panels
 from esea_gen.device import Device, load_device
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import CRunner, compile_block, compile_device
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import KAPPA_ROUNDING_RAD, published_inverse
 from esea_gen.plotting import INK
 from esea_gen.studies.registry import Reproduction
@@ -347,7 +347,7 @@ def reproduce_chapter4(progress: Callable[[str], None] | None = None) -> Chapter
     errors: dict[str, dict[str, list[InverseErrors]]] = {}
     for row, variant, block in plan:
         say(f"{ROWS[row]}, {variant}: compiling")
-        inverse = compile_system(inverse_system(device, block), "f64").block(block.name)
+        inverse = compile_block(block)
         found = []
         for i, request in enumerate(requests):
             say(f"{ROWS[row]}, {variant}: signal {i + 1} of {SIGNAL_COUNT}")

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.library import compile_block
 from esea_gen.identify.published.plant import equal_weights
 from esea_gen.identify.published.search_problem import solve_linear
 from esea_gen.identify.recording.conditions import (
@@ -34,7 +34,6 @@ from esea_gen.identify.recording.resampling import (
     whole_conditions,
 )
 from esea_gen.language.ports import Array
-from esea_gen.language.system import System, Task
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term, softened
 from esea_gen.model.family_sensor import unit_terms
 
@@ -116,17 +115,7 @@ class UnitTerms:
     def __init__(self, member: Member, recordings: Sequence[Recording], rate_Hz: float) -> None:
         self.member, self.recordings = member, tuple(recordings)
         self.rate_Hz = rate_Hz
-        block = unit_terms(member, 1 / rate_Hz)
-        system = System(
-            "terms",
-            block.period_s,
-            {"terms": block},
-            (Task("run", ("terms",)),),
-            {},
-            {"theta_rad": ("terms.theta_rad",)},
-            {"terms_Nm": "terms.terms_Nm"},
-        )
-        self._runner = compile_system(system, "f64").block("terms")
+        self._runner = compile_block(unit_terms(member, 1 / rate_Hz))
         self._known: dict[float, list[Array]] = {}
 
     def over(self, scale_rad: float) -> list[Array]:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.device import Device, with_numbers
-from esea_gen.hostlib.library import CRunner, HostLibrary, compile_system
+from esea_gen.hostlib.library import CRunner, HostLibrary, compile_block, compile_system
 from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
 from esea_gen.identify.recording.recorded import Recording, training_sets
@@ -172,14 +172,7 @@ class FittedPlant:
     def _sloped(self) -> HostLibrary:
         sensor = torque_sensor(self.built, tunable=True)
         outputs = ("tau_hysteresis_Nm", "tau_rate_Nm")[: 2 if self.rate_terms else 1]
-        block = sloped(sensor, outputs, self.shape_keys)
-        inputs = {p.name: (f"slopes.{p.name}",) for p in block.inputs}
-        results = {p.name: f"slopes.{p.name}" for p in block.outputs}
-        task = Task("run", ("slopes",))
-        name = f"{self.built.name}_slopes"
-        return compile_system(
-            System(name, block.period_s, {"slopes": block}, (task,), {}, inputs, results), "f64"
-        )
+        return compile_block(sloped(sensor, outputs, self.shape_keys)).library
 
     def _runner(self, name: str) -> CRunner:
         # A runner has a state: each thread has its own.

@@ -14,7 +14,7 @@ import scipy  # its parts are read on first use
 
 from esea_gen.device import Device, with_numbers
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import CRunner, compile_block, compile_device, compile_system
 from esea_gen.identify.published.plant import ROWS_REFINE, FittedPlant, tunable_system, uncertainty
 from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.mapping import load_mapping
@@ -22,7 +22,7 @@ from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES
 from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.sensing import sensing_system
 
 TORQUES, RATES = len(TORQUE_EDGES) - 1, len(RATE_EDGES) - 1  # classes
@@ -106,12 +106,11 @@ class Programs:
 
 @cache
 def compiled_programs(device: Device) -> Programs:
-    block = exact_inverse(device)
     dense = max(1, round(FINE_HZ * device.period_s))
     finer = with_numbers(device, {SENSE_RATE: dense / device.period_s})
     sensing = sensing_system(device, device.velocity, device.sensor)
     return Programs(
-        compile_system(inverse_system(device, block), "f64").block(block.name),
+        compile_block(exact_inverse(device)),
         compile_device(finer, "f64").block("sensor"),
         dense,
         compile_system(sensing, "f32").task("sense"),
