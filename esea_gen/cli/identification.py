@@ -201,14 +201,9 @@ def _compare_models(
     mapping: Path, data: Path | None, json_file: Path | None, how: Searching
 ) -> ModelComparison:
     from esea_gen.identify.family.compare import compare
-    from esea_gen.verify.step_count import missing_tool, sensor_instructions
 
-    missing = missing_tool()
-    if missing:
-        out.print(f"note: instructions are not counted. {missing}")
     with progress_share() as tell:
-        cost = None if missing else sensor_instructions
-        result = compare(mapping, data, cost, tell, how=how)
+        result = compare(mapping, data, tell, how=how)
     show(result, json_file, "identify-compare")
     return result
 

@@ -36,7 +36,7 @@ def identify_chosen(
     elif model == CHOSEN:
         if compared is None:
             begun, first = COMPARING, part_of(tell, 0.0, COMPARING)
-            compared = compare(mapping, data, None, first, peers=False, how=how)
+            compared = compare(mapping, data, first, peers=False, how=how)
         model, notes = compared.chosen, compared.choice.reasons
     result: Identified
     if model == THESIS:

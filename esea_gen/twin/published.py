@@ -22,11 +22,10 @@ class Person:
     gravity_Nm: float  # times the sine of the angle, towards full extension
     torque_noise_Nm: float  # effective value, first order with the next bandwidth
     torque_noise_Hz: float
-    load_velocity_filter_Hz: float | None = None  # that the published trials used
     clamped: bool = False  # no person: the load is held where it starts
 
     def values(self) -> dict[str, float]:
-        return {k: float(v) for k, v in vars(self).items() if k != "load_velocity_filter_Hz"}
+        return {k: float(v) for k, v in vars(self).items()}
 
 
 def _table(held: Any) -> Any:

@@ -25,7 +25,8 @@ from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System
 from esea_gen.model.elastomer import stop_grid
-from esea_gen.verify.step_count import stream_program
+
+from .step_count import stream_program
 
 # A call from one file to another is direct, as in a program, not through a loader's table.
 LIBRARY_FLAGS = ("-fvisibility=hidden",)

@@ -22,7 +22,6 @@ from esea_gen.model.inverse import exact_inverse, inverse_system
 from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.targets import boards_for
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.step_count import checksum, count_step
 from esea_gen.verify.streams import domain_chirp, recorded_stream
 
 from .peers import (
@@ -36,6 +35,7 @@ from .peers import (
     peer_programs,
     renderer_of,
 )
+from .step_count import checksum, count_step
 
 HOST_STEPS, BOARD_STEPS = 4000, 400
 CORTEX_M4F = "Cortex-M4F"

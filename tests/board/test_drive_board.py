@@ -108,22 +108,6 @@ def test_a_difference_is_told(device, native, drive, monkeypatch):
     assert results["control"].to_dict()["first_difference"]["output"] == "k_smc_Nm"
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda _: {}, "No task"),
-        (lambda i: {"drive": i["sense"]}, "no task 'drive'"),
-        (lambda i: i | {"control": {"mode": np.zeros(3)}}, "takes no input"),
-        (lambda i: i | {"control": {"": np.zeros(0)}}, "takes no input"),
-        (lambda i: {"sense": {"mode": np.zeros(3)}}, "count_motor"),
-        (lambda i: {"sense": i["sense"] | {"mode": np.zeros(3)}}, "different lengths"),
-    ],
-)
-def test_inputs_that_are_not_the_tasks_are_refused(device, native, drive, change, words):
-    with pytest.raises(UserError, match=words):
-        run_tasks_in_emulator(device, native, change(drive.inputs))
-
-
 # -- command line ---------------------------------------------------------------------------------
 
 

@@ -63,8 +63,8 @@ def put(name: str, kind: str, content: dict) -> str:
 def compared(chosen="slips", **other) -> str:
     identified = json.loads(Path("rig.json").read_text())
     rows = [
-        {"model": m, "condition": c, "training": e / 2, "held_out": e, "instructions": i}
-        for m, i, error in (("stops", 330.4, 1.25), ("slips", None, 1.75))
+        {"model": m, "condition": c, "training": e / 2, "held_out": e, "operations": i}
+        for m, i, error in (("stops", 330, 1.25), ("slips", 1700, 1.75))
         for c, e in (("last cycles", error), ("rig block 1", 4 * error))
     ]
     content = {k: identified[k] for k in ("mapping", "recordings", "full_scale_Nm")}
@@ -162,7 +162,7 @@ def test_what_earlier_commands_found_stands_as_they_said_it(at):
     for told in (
         "slips cost least. This page's torque model is another one: stops.",
         "5.00 (2.50)",
-        "not counted",
+        "1\u202f700",
         "ICC(2,1), absolute agreement 0.8750 0.5000 0.9688",
         "A3 − B1 0.125 −0.250 0.500 0.062",
         "A3 5.25 B1 5.50",

@@ -30,7 +30,6 @@ class CompareRow:
     condition: str
     training: float
     held_out: float
-    instructions: float | None  # of a step on the Cortex-M4F, where counted
     operations: int | None = None  # of a step; None for a model that no board runs
 
 

@@ -144,8 +144,6 @@ def fit_peer(name: str, recordings: Sequence[Recording], seed: int) -> list[Arra
     ]
 
 
-Cost = Callable[[Device], float]
-COUNTS = "operations", "instructions"  # of a step
 LONG_COST = 100  # operations that a power, an exponential or a logarithm counts as
 
 
@@ -194,15 +192,14 @@ class ModelComparison:
         lines = [
             f"{self.source.mapping.device.title}: held out / training, RMS in % of full scale "
             f"({self.full_scale_Nm:g} Nm)",
-            " " * first + "".join(f"{c:>{width}}" for c in (*conditions, *COUNTS)),
+            " " * first + "".join(f"{c:>{width}}" for c in (*conditions, "operations")),
         ]
         for m in models:
             found = [cells[m, c] for c in conditions]
             errors = "".join(
                 f"  {f'{r.held_out:.2f} / {r.training:.2f}':>{width - 2}}" for r in found
             )
-            counts = (getattr(found[0], c) for c in COUNTS)
-            errors += "".join(f"{'-' if n is None else f'{n:.0f}':>{width}}" for n in counts)
+            errors += f"{found[0].operations or '-':>{width}}"
             lines.append(f"{'* ' if m == self.chosen else '  '}{m:{first - 2}}{errors}")
         return [*lines, *self.choice.reasons, *(f"note: {n}" for n in self.notes)]
 
@@ -214,7 +211,6 @@ Fitter = Callable[[Split], tuple[Misfits, Device | None]]
 def compare(
     mapping_path: str | Path,
     data_folder: str | Path | None = None,
-    cost: Cost | None = None,
     progress: Progress | None = None,
     *,
     peers: bool = True,
@@ -238,18 +234,17 @@ def compare(
         tell((len(rows) + share) / total, f"{THESIS}: {text}")
 
     for name, fit in _models(source, recordings, able, others, full_scale_Nm, how, searched):
-        counts: tuple[float | None, int | None] = None, None
+        count: int | None = None
         # The file's own division first: what its fit costs stands for the model.
         for split in sorted(splits, key=lambda s: not s.declared):
             tell(len(rows) / total, f"{name}, {split.condition}")
             errors, device = fit(split)
             if split.declared and device is not None:
-                counts = None if cost is None else cost(device), operations(device)
-                devices[name] = device
+                count, devices[name] = operations(device), device
             trained, held_out = (
                 100 * errors.mean_rms(held) / full_scale_Nm for held in (False, True)
             )
-            rows.append(CompareRow(name, split.condition, trained, held_out, *counts))
+            rows.append(CompareRow(name, split.condition, trained, held_out, count))
     costs = {r.model: r.operations for r in rows if r.operations is not None}
     choice = choose(rows, {s.condition for s in splits if s.whole}, costs)
     notes = (

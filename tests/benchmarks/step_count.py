@@ -8,21 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from esea_gen.board.bare import emulate
-from esea_gen.board.emulator import find_qemu
-from esea_gen.device import Device
-from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
-from esea_gen.errors import UserError
-from esea_gen.hostlib.compiler import find_compiler
-from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.targets import ARM_GCC, BOARDS, Board
-from esea_gen.verify.streams import domain_chirp, recorded_stream
-
-STEPS = 400
-CORTEX_M4F = BOARDS["netduinoplus2"]
+from esea_gen.targets import Board
 
 
 @dataclass(frozen=True)
@@ -73,29 +63,3 @@ def count_step(
         raise RuntimeError(f"{board.title} did not answer: {done.said}")
     n = done.instructions
     return Count(n["mean"], int(n["min"]), int(n["max"]), int(found.group(1), 16))
-
-
-def missing_tool() -> str:
-    """What is not installed that counting needs, and how to get it; empty where all is there."""
-    try:
-        find_qemu()
-        find_compiler(*ARM_GCC.gcc)
-    except UserError as error:
-        return str(error)
-    return ""
-
-
-def sensor_instructions(device: Device) -> float:
-    """Mean instructions of a sensor's f32 step on the Cortex-M4F, on a sweep inside the domain."""
-    block = device.sensor
-    theta = domain_chirp(device, STEPS * device.period_s)[:STEPS]
-    stream = recorded_stream(device, theta, "sweep in the domain")[block.name]
-    renderer = Renderer(device.system, FORMATS["f32"], "-", "-", device.title)
-    program = stream_program(renderer, block, stream)
-    step = f"esea_{device.name}_{block.name}_step"
-    found = count_step(CORTEX_M4F, program, renderer, step)
-    outputs, _ = compile_system(device.system, "f32").block(block.name).run(stream.inputs)
-    here = np.column_stack([outputs[p.name] for p in block.outputs])
-    if found.checksum != checksum(here):
-        raise RuntimeError(f"{device.name}: {CORTEX_M4F.core} computes other bits than this host")
-    return found.mean
