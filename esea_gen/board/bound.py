@@ -8,6 +8,7 @@ recursion, is an error, never a guess.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
@@ -25,6 +26,10 @@ _CONDITIONS = "eq|ne|cs|hs|cc|lo|mi|pl|vs|vc|hi|ls|ge|lt|gt|le"
 _BRANCH = re.compile(rf"b({_CONDITIONS})?(\.n|\.w)?$")
 _CALL = re.compile(rf"blx?({_CONDITIONS})?(\.n|\.w)?$")
 _CONDITIONAL = re.compile(rf".*({_CONDITIONS})(\.n|\.w)?$")
+
+
+Node = tuple[str, int]  # function and address of a basic block
+Row = tuple[Counter[int], float]  # coefficients by unknown, and the right-hand side
 
 
 class BoundError(Exception):
@@ -149,52 +154,38 @@ def blocks_of(name: str, functions: Mapping[str, list[Instruction]]) -> dict[int
     return blocks
 
 
-def _loops(blocks: Mapping[int, CodeBlock], entry: int) -> dict[int, set[int]]:
-    # Natural loops by header.  Dominators by iteration; an edge back to a block that does not
-    # dominate its source makes the graph irreducible.
-    order: list[int] = []
+def _reached(blocks: Mapping[int, CodeBlock], entry: int, without: int = -1) -> set[int]:
     seen: set[int] = set()
-    stack: list[tuple[int, int]] = [(entry, 0)]
-    seen.add(entry)
-    while stack:
-        node, k = stack.pop()
-        if k < len(blocks[node].to):
-            stack.append((node, k + 1))
-            nxt = blocks[node].to[k]
-            if nxt not in seen:
-                seen.add(nxt)
-                stack.append((nxt, 0))
-        else:
-            order.append(node)
-    order.reverse()
-    before: dict[int, list[int]] = {n: [] for n in order}
-    for n in order:
+    todo = [entry]
+    while todo:
+        n = todo.pop()
+        if n not in seen and n != without:
+            seen.add(n)
+            todo += blocks[n].to
+    return seen
+
+
+def _loops(blocks: Mapping[int, CodeBlock], entry: int) -> dict[int, set[int]]:
+    # Natural loops by header: every way to the source of a back edge passes its target.  Where a
+    # cycle is left without the back edges, the graph is irreducible.
+    before: dict[int, set[int]] = {n: set() for n in _reached(blocks, entry)}
+    for n in before:
         for m in blocks[n].to:
-            before[m].append(n)
-    number = {n: i for i, n in enumerate(order)}
-    everything = set(order)
-    dominators = {n: {n} if n == entry else everything for n in order}
-    changed = True
-    while changed:
-        changed = False
-        for n in order:
-            if n == entry:
-                continue
-            new = set.intersection(*(dominators[m] for m in before[n])) | {n}
-            if new != dominators[n]:
-                dominators[n], changed = new, True
+            before[m].add(n)
+    back = {m: sources - _reached(blocks, entry, m) for m, sources in before.items()}
+    try:
+        TopologicalSorter({m: before[m] - back[m] for m in before}).prepare()
+    except CycleError as error:
+        raise BoundError(f"a loop with two entries at {error.args[1][0]:#x}") from None
     loops: dict[int, set[int]] = {}
-    for n in order:
-        for m in blocks[n].to:
-            if number[m] <= number[n]:
-                if m not in dominators[n]:
-                    raise BoundError(f"a loop with two entries at {m:#x}")
-                body, todo = loops.setdefault(m, {m}), [n]
-                while todo:
-                    x = todo.pop()
-                    if x not in body:
-                        body.add(x)
-                        todo += before[x]
+    for header, sources in back.items():
+        todo = list(sources)
+        body = loops.setdefault(header, {header}) if todo else set()
+        while todo:
+            x = todo.pop()
+            if x not in body:
+                body.add(x)
+                todo += before[x]
     return loops
 
 
@@ -266,32 +257,24 @@ def step_bound(
     except CycleError:
         raise BoundError("recursion") from None
     limits = {x.var: x for x in loops}
-    nodes = [(f, a) for f, g in graphs.items() for a in g]
-    index = {n: i for i, n in enumerate(nodes)}
-    edges = [(f, a, b) for f, g in graphs.items() for a in g for b in g[a].to]
-    ends = [(f, a) for f, g in graphs.items() for a in g if g[a].returns]
-    count = len(nodes) + len(edges) + len(ends)
-    equal: list[tuple[dict[int, float], float]] = []
-    most: list[tuple[dict[int, float], float]] = []
+    index = {n: i for i, n in enumerate((f, a) for f, g in graphs.items() for a in g)}
+    # What flows into each block and out of it, less how often it runs: edges, calls, returns.
+    into: dict[Node, Counter[int]] = {n: Counter({i: -1}) for n, i in index.items()}
+    out: dict[Node, Counter[int]] = {n: Counter({i: -1}) for n, i in index.items()}
+    count = len(index)
     for (f, a), i in index.items():
-        into: dict[int, float] = {i: -1.0}
-        out: dict[int, float] = {i: -1.0}
-        for k, (ef, ea, eb) in enumerate(edges):
-            if ef == f and eb == a:
-                into[len(nodes) + k] = into.get(len(nodes) + k, 0) + 1
-            if ef == f and ea == a:
-                out[len(nodes) + k] = out.get(len(nodes) + k, 0) + 1
-        for k, end in enumerate(ends):
-            if end == (f, a):
-                out[len(nodes) + len(edges) + k] = 1.0
-        enters = 0.0
-        if a == next(iter(graphs[f])):
-            enters = -1.0 if f == function else 0.0
-            for (cf, ca), c in index.items():
-                calls = graphs[cf][ca].calls.count(f)
-                if calls:
-                    into[c] = into.get(c, 0) + calls
-        equal += [(into, enters), (out, 0.0)]
+        for b in graphs[f][a].to:
+            into[f, b][count] = out[f, a][count] = 1
+            count += 1
+        if graphs[f][a].returns:
+            out[f, a][count] = 1
+            count += 1
+        for callee in graphs[f][a].calls:
+            into[callee, next(iter(graphs[callee]))][i] += 1
+    start = function, next(iter(graphs[function]))
+    equal = [(row, -1.0 if n == start else 0.0) for n, row in into.items()]
+    equal += [(row, 0.0) for row in out.values()]
+    most: list[Row] = []
     for f, g in graphs.items():
         machine = _loops(g, next(iter(g)))
         for header, var in _attribute(machine, g, source, ranges, limits, elsewhere or {}).items():
@@ -299,7 +282,7 @@ def step_bound(
             # whole loop.
             leaves = any(b not in machine[header] for b in g[header].to)
             more = limits[var].entries if leaves and header not in g[header].to else 0
-            most.append(({index[(f, header)]: 1.0}, float(limits[var].passes + more)))
+            most.append((Counter({index[(f, header)]: 1}), float(limits[var].passes + more)))
     cost = np.zeros(count)
     for (f, a), i in index.items():
         cost[i] = len(graphs[f][a].code)
@@ -323,7 +306,7 @@ def step_bound(
     return InstructionBound(int(np.ceil(-solved.fun - 1e-6)), by_function)
 
 
-def _sparse(rows: Sequence[tuple[dict[int, float], float]], count: int) -> csr_array | None:
+def _sparse(rows: Sequence[Row], count: int) -> csr_array | None:
     if not rows:
         return None
     i = [k for k, (row, _) in enumerate(rows) for _ in row]

@@ -162,7 +162,7 @@ def test_what_earlier_commands_found_stands_as_they_said_it(at):
     for told in (
         "slips cost least. This page's torque model is another one: stops.",
         "5.00 (2.50)",
-        "1\u202f700",
+        "1 700",
         "ICC(2,1), absolute agreement 0.8750 0.5000 0.9688",
         "A3 − B1 0.125 −0.250 0.500 0.062",
         "A3 5.25 B1 5.50",
