@@ -47,7 +47,6 @@ def hand_family(
 @dataclass(frozen=True)
 class EnergyBalance:
     absorbed_J: Array
-    exchanged_J: float  # either way, in total
 
     @property
     def generated_J(self) -> float:
@@ -60,5 +59,4 @@ def energy_balance(theta_rad: npt.ArrayLike, tau_Nm: npt.ArrayLike) -> EnergyBal
     theta = checked("theta_rad", theta_rad)
     tau = checked("tau_Nm", tau_Nm, len(theta))
     parts = -0.5 * (tau[:-1] + tau[1:]) * np.diff(theta)
-    absorbed = np.concatenate([[0.0], np.cumsum(parts)])
-    return EnergyBalance(absorbed, float(np.sum(np.abs(parts))))
+    return EnergyBalance(np.concatenate([[0.0], np.cumsum(parts)]))

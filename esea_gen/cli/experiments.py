@@ -137,6 +137,7 @@ def _whole_thesis(
     exit_unless(result.explained)
 
 
+MOST_WALL_NM_RAD = 1e4  # a light hand is thrown back within 7 ms; a plant's step is 0.2 ms
 FEW_RUNS = 20  # a run takes half a second: a few are done before other processes have started
 ControllerOption = Annotated[
     str, option("--controller NAME", CONTROLLER_HELP, autocompletion=completing(configured))
@@ -268,7 +269,7 @@ def simulate(
 def passivity(
     controller: ControllerOption = BEST_CONTROLLER,
     plant: PlantOption = "real",
-    points: Annotated[int, option("--points N", "Gains along each axis.")] = 9,
+    points: Annotated[int, option("--points N", "Gains along each axis.", min=2, max=41)] = 9,
     push: Annotated[float, option("--push RAD_S", "Speed that the push gives a free hand.")] = 0.5,
     seed: options.SeedOption = 0,
     wall: Annotated[
@@ -276,6 +277,8 @@ def passivity(
         option(
             "--wall NM_RAD",
             "Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: none.",
+            min=0,
+            max=MOST_WALL_NM_RAD,
         ),
     ] = 0.0,
     sliding: Annotated[

@@ -268,10 +268,13 @@ def reliability(
 @app.command()
 def uncertainty(
     device: options.DeviceArgument,
-    runs: Annotated[int, option("--runs", "Monte Carlo runs.")] = 100,
+    runs: Annotated[int, option("--runs", "Monte Carlo runs.", min=2, max=100_000)] = 100,
     seed: options.SeedOption = 1,
     residual_deg: Annotated[
-        float, option("--residual-deg", "Encoder nonlinearity left after correction, degrees.")
+        float,
+        option(
+            "--residual-deg", "Encoder nonlinearity left after correction, degrees.", min=0, max=5
+        ),
     ] = 0.1,
     recording: options.RecordingOption = None,
     data: options.DataOption = None,

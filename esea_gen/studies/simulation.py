@@ -368,8 +368,6 @@ def simulate(
             f"{chosen.name} needs somebody who moves the load, but person is none.",
             f"Give --person {', '.join(n for n in PERSON_NAMES if n != 'none')}.",
         )
-    if runs < 1 or seed < 0:
-        raise UserError(f"runs = {runs}, seed = {seed}.", "Give 1 run or more, and a seed from 0.")
     device = controller_device(s.controller)
     chosen = chosen.of(device)
     s = replace(s, axis=axis_of(device, s))

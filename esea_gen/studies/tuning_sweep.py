@@ -366,8 +366,6 @@ def tune(
 ) -> Tuning:
     """Sweep parameters against the virtual exoskeleton and choose."""
     choose("plant", plant, PLANT_NAMES)
-    if seed < 0:
-        raise UserError(f"seed = {seed}.", "Give 0 or more.")
     device = controller_device(controller)
     known = tunables_of(controller)
     configuration = Configuration(

@@ -159,10 +159,8 @@ class ClosedLoop:
 
     def _compile(self) -> None:
         control = self._control
-        plant = Renderer(self.plant, FORMATS["f64"], "-", "-", "Virtual exoskeleton")
+        plant = self._plant = Renderer(self.plant, FORMATS["f64"], "-", "-", "Virtual exoskeleton")
         files = {n: t for n, t in control.files().items() if not n.startswith("reference/")}
-        self._prefix, self._plant_prefix = control.prefix, plant.prefix
-        self._inits = control.init_name, plant.init_name
         parts = {}
         for name, text in plant.files().items():
             if name.startswith("reference/") or name == "main.c":
@@ -180,7 +178,7 @@ class ClosedLoop:
         loop = plant.render(
             "hostlib/closed_loop.c.j2",
             controller=self.controller,
-            controller_prefix=self._prefix,
+            controller_prefix=control.prefix,
             controller_header=control.fmt.header,
             plant_files=[n for n in parts if n.endswith(".inc")],
             encoders=self._encoders(),
@@ -216,7 +214,7 @@ class ClosedLoop:
         self.path = compile_sources(self.files, link=("-lm",))
         text = loop[loop.index("typedef struct {\n    unsigned kind") :]
         prototype = re.sub(r"\)\s*\n\{.*?\n\}", ");", text, flags=re.DOTALL)
-        headers = files[f"{self._prefix}.h"] + parts[f"{self._plant_prefix}.h"]
+        headers = files[f"{control.prefix}.h"] + parts[f"{plant.prefix}.h"]
         self.ffi = declared(headers + prototype)
         self._lib: Any = self.ffi.dlopen(str(self.path))
 
@@ -237,22 +235,12 @@ class ClosedLoop:
 
     # -- running ---------------------------------------------------------------------------------
 
-    def _prepared(
-        self, system: System, prefix: str, values: Mapping[str, Mapping[str, float]]
-    ) -> tuple[Any, ...]:
-        if not system.tunables:
-            if values:
-                raise UserError(f"{system.name} has no tunables.", "Give none.")
-            return ()
-
-        def converted(instance: str, key: str, number: float) -> float:
-            return self._control.naming.tunable(system.blocks[instance], key, number)
-
-        def function(name: str) -> Any:
-            return getattr(self._lib, name)
-
-        own = converted if system is self.controller else None
-        return (prepared(self.ffi, function, prefix, system, values, own),)
+    def _prepared(self, of: Renderer, values: Mapping[str, Mapping[str, float]]) -> tuple[Any, ...]:
+        if of.system.tunables:
+            return (prepared(self.ffi, lambda name: getattr(self._lib, name), of, values),)
+        if values:
+            raise UserError(f"{of.system.name} has no tunables.", "Give none.")
+        return ()
 
     def _table(self, signals: Mapping[str, Any], ticks: int) -> Array:
         columns = []
@@ -364,13 +352,13 @@ class ClosedLoop:
 
         # Encoders that no calibration has zeroed: their zeros are this plant's.
         settings = {**zeros_missing(self.controller), **(controller_tunables or {})}
-        coeffs = self._prepared(self.controller, self._prefix, settings)
-        plant_coeffs = self._prepared(self.plant, self._plant_prefix, grouped(self.plant, values))
-        state = self.ffi.new(f"{self._prefix}_state_t *")
-        plant_state = self.ffi.new(f"{self._plant_prefix}_state_t *")
-        start = self.ffi.new(f"{self._plant_prefix}_move_out_t *")
-        getattr(self._lib, self._inits[0])(*coeffs, state)
-        getattr(self._lib, self._inits[1])(*plant_coeffs, plant_state)
+        coeffs = self._prepared(self._control, settings)
+        plant_coeffs = self._prepared(self._plant, grouped(self.plant, values))
+        state = self.ffi.new(f"{self._control.prefix}_state_t *")
+        plant_state = self.ffi.new(f"{self._plant.prefix}_state_t *")
+        start = self.ffi.new(f"{self._plant.prefix}_move_out_t *")
+        getattr(self._lib, self._control.init_name)(*coeffs, state)
+        getattr(self._lib, self._plant.init_name)(*plant_coeffs, plant_state)
         for key, vector in first.items():
             getattr(plant_state.plant, key)[0 : len(vector)] = vector
         for key, value in sampled.items():

@@ -19,7 +19,9 @@ from typing import Any, TypeVar
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
+from esea_gen.hostlib.library import HostLibrary
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System, Task
@@ -45,7 +47,6 @@ from esea_gen.twin.plant import (
     plant_equations,
     plant_status,
     state_ports,
-    steps_a_tick,
 )
 
 Named = TypeVar("Named", Port, Tunable)
@@ -215,7 +216,6 @@ def twin_system(
     device: DeviceData, cable: bool = True, step_s: float = STEP_S, tick_s: float = TICK_S
 ) -> System:
     """The plant of a device with one axis or two, and the encoders of each axis."""
-    every = steps_a_tick(step_s, tick_s)
     make = plant_block if len(device.axes) == 1 else hand_block
     plant, encoders = make(device, cable, step_s, tick_s), encoder_block(device, tick_s)
     by_axis = {of_axis("encoders", a): a for a in device.axes}
@@ -229,7 +229,7 @@ def twin_system(
         NAME,
         step_s,
         {"plant": plant, **dict.fromkeys(by_axis, encoders)},
-        (Task("move", ("plant",)), Task("encode", tuple(by_axis), every)),
+        (Task("move", ("plant",)), Task("encode", tuple(by_axis), round(tick_s / step_s))),
         {},
         {n: (end,) for n, end in ends(plant.inputs, encoders.inputs).items()},
         ends(plant.outputs, encoders.outputs),
@@ -262,15 +262,11 @@ def grouped(system: System, values: Mapping[str, float]) -> dict[str, dict[str, 
 def prepared(
     ffi: Any,
     function: Callable[[str], Any],
-    prefix: str,
-    system: System,
+    of: Renderer | HostLibrary,
     values: Mapping[str, Mapping[str, float]],
-    converted: Callable[[str, str, float], float] | None = None,
 ) -> Any:
-    """Coefficients of a compiled System with these tunables, and the defaults of the others.
-
-    ``converted`` gives the number in the C's format.
-    """
+    """Coefficients of a compiled System with these tunables, and the defaults of the others."""
+    system, prefix = of.system, of.prefix
     params, coeffs = ffi.new(f"{prefix}_params_t *"), ffi.new(f"{prefix}_coeffs_t *")
     function(f"{prefix}_default_params")(params)
     known = {(i, t.name): t for i, t in system.tunables}
@@ -281,9 +277,8 @@ def prepared(
                 raise UserError(
                     f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
                 )
-            number = known[instance, key].taken(float(value))
-            if converted is not None:
-                number = converted(instance, key, number)
+            taken = known[instance, key].taken(float(value))
+            number = of.naming.tunable(system.blocks[instance], key, taken)
             setattr(getattr(params, instance), key, number)
     refused = int(function(f"{prefix}_prepare")(params, coeffs))
     if refused:

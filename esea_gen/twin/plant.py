@@ -34,7 +34,6 @@ import casadi as ca
 
 from esea_gen.device import with_numbers
 from esea_gen.devices.file import DeviceData
-from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Equation, Flag, Port, clip, flag_word
 from esea_gen.model.rubber import rubber_sensor
@@ -321,17 +320,6 @@ EQUATIONS = """
 
 def plant_equations(cable: bool) -> tuple[Equation, ...]:
     return equations(EQUATIONS.format(pull="tau_cable" if cable else "tau_e"))
-
-
-def steps_a_tick(step_s: float, tick_s: float) -> int:
-    """How many steps of a plant make a tick."""
-    every = round(tick_s / step_s)
-    if every < 1 or abs(every * step_s - tick_s) > 1e-9 * tick_s:
-        raise UserError(
-            f"The plant's step {step_s:g} s does not divide the tick {tick_s:g} s.",
-            f"Give a step such as {tick_s / max(every, 1):g} s.",
-        )
-    return every
 
 
 def start_state(

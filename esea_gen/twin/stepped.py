@@ -76,7 +76,7 @@ class SteppedTwin:
             for axis, one in zip(self.axes, fixed, strict=True):
                 values[of_axis("clamped", axis)] = float(one)
         library, groups = self.library, grouped(self.system, values | more)
-        self._coeffs = prepared(library.ffi, library.function, library.prefix, self.system, groups)
+        self._coeffs = prepared(library.ffi, library.function, library, groups)
 
     def start(
         self,

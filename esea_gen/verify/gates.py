@@ -69,7 +69,6 @@ class GateReport:
     problems: tuple[str, ...]
     stack_bytes: dict[str, int]
     stack_limit_bytes: int
-    text_bytes: int
 
     @property
     def passed(self) -> bool:
@@ -194,8 +193,6 @@ def check_objects(
         used, stack_problems = _stack(device, folder, chosen, single)
         if chosen.name == "host" and "main.c" in texts:
             problems += run_example(texts, real).problems
-        size = [find_compiler(*chosen.toolchain.tool("size")), *objects]
-        sizes = run_tool(size, failed="size failed").stdout.splitlines()[1:]
     return GateReport(
         device.name,
         real,
@@ -204,7 +201,6 @@ def check_objects(
         tuple(problems + stack_problems),
         used,
         _stack_limit(device, chosen),
-        sum(int(line.split()[0]) for line in sizes),
     )
 
 

@@ -104,13 +104,6 @@ def test_the_definition_of_a_bandwidth_is_said():
     assert corner.bandwidth().bandwidth_Hz == pytest.approx(math.sqrt(2), rel=1e-3)
     assert r.bandwidth(drop_dB=20).bandwidth_Hz is None
     assert r.bandwidth(passband_gain=2.0).bandwidth_Hz == f[0]
-    with pytest.raises(UserError):
-        r.bandwidth(passband_gain=0.0)
-    for bad in (f[::-1], f - 0.1):
-        with pytest.raises(UserError, match="rise"):
-            FrequencyResponse(bad, dip, None, None, "")
-    with pytest.raises(UserError, match="not finite"):
-        FrequencyResponse(f, dip * np.nan, None, None, "")
 
 
 @settings(max_examples=30)

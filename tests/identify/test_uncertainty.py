@@ -258,8 +258,6 @@ def test_the_command(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--runs", "1"], "1 runs: a spread needs 2"),
-        (["--residual-deg", "6"], "A nonlinearity of 6 deg is not from 0 to 5 deg"),
         (["--figure", "u.xyz"], "not a picture's name"),
         (["--data", "."], "--data without --recording"),
     ],

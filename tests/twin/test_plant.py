@@ -487,8 +487,3 @@ def test_counts(encoders, angles, bits, motor_bits, errors):
 def test_a_device_without_a_drive_is_refused():
     with pytest.raises(UserError, match=r"section \[actuator\] is missing"):
         twin_system(esea_gen.load_device("elbow"))
-
-
-def test_a_step_that_does_not_divide_the_tick_is_refused(device):
-    with pytest.raises(UserError, match="does not divide"):
-        twin_system(device, step_s=3e-4)

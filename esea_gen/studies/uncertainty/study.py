@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.device import Device
-from esea_gen.errors import UserError
 from esea_gen.identify.verdict import RATE_EDGES, TORQUE_EDGES, label
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
@@ -326,14 +325,6 @@ def torque_uncertainty(
     progress: Callable[[str], None] | None = None,
 ) -> TorqueUncertainty:
     """Torque uncertainty by Monte-Carlo over the published signals."""
-    if not 2 <= runs <= 100_000:
-        raise UserError(
-            f"{runs} runs: a spread needs 2 to 100000 of them.", "Give --runs 100, for example."
-        )
-    if not 0 <= residual_deg <= 5:
-        raise UserError(
-            f"A nonlinearity of {residual_deg:g} deg is not from 0 to 5 deg.", "Give 0.1."
-        )
     say = progress or (lambda _: None)
     chosen = spread or assumed_spread(device)
     moves = motions(device, limit_s, say)
