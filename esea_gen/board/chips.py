@@ -167,9 +167,9 @@ def declarations(*headers: Path) -> str:
 class Drivers:
     """The hand-written drivers, compiled for this computer, on a bench."""
 
-    def __init__(self, bench: Workbench, sources: Path | None = None) -> None:
+    def __init__(self, bench: Workbench) -> None:
         self.bench = bench
-        folder = sources or firmware_folder() / "drivers"
+        folder = firmware_folder() / "drivers"
         self.ffi = cffi.FFI()
         headers = sorted(folder.glob("*.h"), key=lambda h: (h.name != "hardware.h", h.name))
         text = declarations(*headers)

@@ -77,10 +77,10 @@ def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> Host
     return HostLibrary(system, Renderer(system, FORMATS[real], "-", "-", system.name), flags)
 
 
-def compile_block(block: Block, real: str = "f64") -> CRunner:
-    """Render and compile a Block by itself."""
+def block_system(block: Block) -> System:
+    """A System of one Block, every port an external one."""
     name = block.name
-    system = System(
+    return System(
         f"{name}_alone",
         block.period_s,
         {name: block},
@@ -89,7 +89,11 @@ def compile_block(block: Block, real: str = "f64") -> CRunner:
         {p.name: (f"{name}.{p.name}",) for p in block.inputs},
         {p.name: f"{name}.{p.name}" for p in block.outputs},
     )
-    return compile_system(system, real).block(name)
+
+
+def compile_block(block: Block, real: str = "f64") -> CRunner:
+    """Render and compile a Block by itself."""
+    return compile_system(block_system(block), real).block(block.name)
 
 
 def compile_device(device: Device, real: str, flags: Sequence[str] = ()) -> HostLibrary:

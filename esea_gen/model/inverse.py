@@ -24,7 +24,6 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
-from esea_gen.language.system import System, Task
 from esea_gen.model.cubic import cubic_root, root_facts, segment_equations
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, K1, K3, TAU_S, THETA, stop_grid
 from esea_gen.model.forward import REQUEST_ROOM, Forward, rate_facts, rate_split, request_port
@@ -339,23 +338,3 @@ def chosen_inverse(device: DeviceData) -> Block:
     if asked is None or asked.kind == "exact":
         return exact_inverse(device)
     return published_inverse(device, None if asked.filter == "none" else asked.filter)
-
-
-def inverse_system(device: DeviceData, *blocks: Block) -> System:
-    """A System of inverse Blocks beside each other, all on one request."""
-    given: Sequence[Block] = blocks or (exact_inverse(device),)
-    names = [b.name for b in given]
-    outputs = {}
-    for n in names:
-        short = n.removeprefix("inverse").strip("_")
-        outputs[f"theta_{short}_rad" if short else "theta_rad"] = f"{n}.theta_rad"
-        outputs[f"{n}_status"] = f"{n}.status"
-    return System(
-        f"{device.name}_inverse",
-        device.period_s,
-        dict(zip(names, given, strict=True)),
-        (Task("invert", tuple(names)),),
-        {},
-        {"tau_Nm": tuple(f"{n}.tau_Nm" for n in names)},
-        outputs,
-    )

@@ -272,19 +272,6 @@ def _real(device: Device, motion: EncodedMotion, fine: Array) -> Errors:
     return out
 
 
-def discretisation(progress: Callable[[str], None] | None = None) -> Discretisation:
-    """Make both tables with the emitted C of the elbow."""
-    device, say = load_device("elbow"), progress or (lambda _: None)
-    exact = {}
-    for motion in MOTIONS:
-        say(f"continuous model: {motion.name}")
-        exact[motion] = continuous_torque(device, motion)
-    ideal = _ideal(device, exact, say)
-    say("real encoders")
-    coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
-    return Discretisation(device.name, ideal, _real(coarse, MOTIONS[0], exact[MOTIONS[0]]))
-
-
 class SensorDiscretisation(Reproduction[Discretisation]):
     """The sensor's discretisation: ideal encoders, and real ones with velocity filters."""
 
@@ -292,7 +279,14 @@ class SensorDiscretisation(Reproduction[Discretisation]):
     title = "The sensor's discretisation"
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Discretisation:
-        return discretisation(say)
+        device, exact = load_device("elbow"), {}
+        for motion in MOTIONS:
+            say(f"continuous model: {motion.name}")
+            exact[motion] = continuous_torque(device, motion)
+        ideal = _ideal(device, exact, say)
+        say("real encoders")
+        coarse = with_numbers(device, {SENSE_RATE: RATES_HZ[0]})
+        return Discretisation(device.name, ideal, _real(coarse, MOTIONS[0], exact[MOTIONS[0]]))
 
 
 FINE = 16  # steps of the continuous model in a period

@@ -13,12 +13,12 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import run_schedule
+from esea_gen.hostlib.library import block_system, run_schedule
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
 from esea_gen.language.system import System, SystemSimulator, Task
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.targets import boards_for
 from esea_gen.twin.recorded import record_drive
@@ -62,7 +62,7 @@ def subjects(device: Device, steps: int) -> Iterator[Subject]:
     t = np.arange(steps) * device.period_s
     tau = 0.9 * device.tau_full_scale_Nm * np.sin(np.pi * t * t / t[-1])
     for name, block in inverses.items():
-        yield name, block, inverse_system(device, block), Stream("sweep", {"tau_Nm": single(tau)})
+        yield name, block, block_system(block), Stream("sweep", {"tau_Nm": single(tau)})
 
 
 def drive_subjects(device: Device, steps: int) -> Iterator[Subject]:

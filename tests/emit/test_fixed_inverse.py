@@ -15,8 +15,8 @@ from esea_gen.emit.fixed.errors import Propagation, any_bound, step_bound
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.spans import RangeError
-from esea_gen.hostlib.library import compile_system
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.hostlib.library import block_system, compile_block, compile_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
@@ -113,26 +113,26 @@ def test_a_set_point_off_the_exact_one_is_flagged(elbow):
     """The promise can fail to hold, and then shows: a wrong root, and the step says so."""
     require_tool("gcc")
     block = elbow.inverse
-    system = inverse_system(elbow, block)
+    system = block_system(block)
     library = compile_system(system, "q31")
     t = np.arange(400) * elbow.period_s
     torque = 3.0 * np.sin(2 * np.pi * t)
-    runner = library.task("invert")
+    runner = library.task("run")
     honest, _ = runner.run({"tau_Nm": torque}, trace=False)
-    assert not np.any(honest["inverse_status"] & NOT_CONVERGED)
+    assert not np.any(honest["status"] & NOT_CONVERGED)
     # The same program with a set-point that is off by 0.1 mrad and more.
     files = dict(library.files)
-    (source,) = [n for n in files if n.endswith("_inverse_inverse.c")]
+    (source,) = [n for n in files if n.endswith("_inverse.c")]
     (name, fraction) = re.search(r"int32_t (refined_q(\d+)) = ", files[source]).groups()
     off = round(1e-4 * 2 ** int(fraction))
     head, tail = files[source].split(f"{name} = ", 1)
     files[source] = f"{head}{name} = {off} + {tail}"
     broken = _recompiled(system, files)
-    lost, _ = broken.task("invert").run({"tau_Nm": torque}, trace=False)
+    lost, _ = broken.task("run").run({"tau_Nm": torque}, trace=False)
     apart = np.abs(lost["theta_rad"] - honest["theta_rad"])
     bound = any_bound(plan_block(block)).outputs["theta_rad"]
     assert np.max(apart) > bound
-    assert np.all(lost["inverse_status"][1:][apart[1:] > bound] & NOT_CONVERGED)
+    assert np.all(lost["status"][1:][apart[1:] > bound] & NOT_CONVERGED)
 
 
 def _recompiled(system, files):
@@ -171,10 +171,10 @@ def test_the_way_is_widened_where_its_residual_would_be_large(wrist):
     assert any("residual would fill" in why for why in plan.why_wide.values())
     assert not plan_block(wrist.inverse).wide - followed
     torque = 0.5 * knee.tau_full_scale_Nm * np.sin(0.01 * np.arange(2000))
-    system = inverse_system(knee, block)
-    got, _ = compile_system(system, "q31").task("invert").run({"tau_Nm": torque}, trace=False)
-    exact, _ = compile_system(system, "f64").task("invert").run({"tau_Nm": torque}, trace=False)
-    assert not np.any(got["inverse_status"] & NOT_CONVERGED)
+    system = block_system(block)
+    got, _ = compile_system(system, "q31").task("run").run({"tau_Nm": torque}, trace=False)
+    exact, _ = compile_system(system, "f64").task("run").run({"tau_Nm": torque}, trace=False)
+    assert not np.any(got["status"] & NOT_CONVERGED)
     assert np.max(np.abs(got["theta_rad"] - exact["theta_rad"])) < 1e-7
     narrow = Planner(block).plan({i: w for i, w in plan.why_wide.items() if i in followed})
     assert narrow.wide < plan.wide
@@ -189,7 +189,7 @@ def test_inverses_bit_for_bit_and_inside_their_bound(wrist, kind):
         else published_inverse(wrist, None if kind == "plays" else kind)
     )
     plan = plan_block(block)
-    runner = compile_system(inverse_system(wrist, block), "q31").block(block.name)
+    runner = compile_block(block, "q31")
     bound = any_bound(plan)
     for stream in streams(block, steps=120):
         found = compare_fixed(wrist, plan, runner, stream, bound)

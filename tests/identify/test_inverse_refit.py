@@ -17,12 +17,16 @@ from esea_gen.devices.file import render_toml
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary, compile_device, compile_system
+from esea_gen.hostlib.library import (
+    HostLibrary,
+    block_system,
+    compile_block,
+    compile_device,
+)
 from esea_gen.identify.inverse import judge_inverse, refit_inverse
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.stream import Stream, single
-from esea_gen.model.inverse import inverse_system
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.reproduce.torque_model import sensed_torque
 from esea_gen.verify.bounds import forward_residual
@@ -102,7 +106,7 @@ def recording(label: str, theta, tau, trained: float = 0.7) -> Recording:
 def made_by_the_inverse(elbow: Device, noise_rad: float = 0.0) -> Recording:
     require_tool("gcc")
     block = published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004)
-    runner = compile_system(inverse_system(elbow, block), "f64").block(block.name)
+    runner = compile_block(block)
     t = np.arange(8000) * 0.0125
     tau = 4 * np.sin(2 * np.pi * 0.05 * t) * (0.5 + 0.5 * np.sin(2 * np.pi * 0.013 * t))
     theta = runner.run({"tau_Nm": tau}, trace=False)[0]["theta_rad"]
@@ -244,7 +248,7 @@ class WithInverse(Device):
 
     @cached_property
     def system(self):
-        return inverse_system(self, self.inverse)
+        return block_system(self.inverse)
 
 
 @pytest.fixture(scope="module")
@@ -271,7 +275,7 @@ def test_a_system_with_the_exact_inverse_is_verified(inverting):
 def mutant(device: Device, real: str, change) -> HostLibrary:
     renderer = Renderer(device.system, FORMATS[real], "-", "-", device.title)
     files = renderer.files()
-    name = "esea_elbow_inverse_inverse.c"
+    name = "esea_inverse_alone_inverse.c"
     changed = change(files[name])
     assert changed != files[name]
     files[name] = changed

@@ -14,13 +14,12 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import to_raw
-from esea_gen.hostlib.library import compile_system
+from esea_gen.hostlib.library import block_system, compile_system
 from esea_gen.identify.family.identification import family_device
 from esea_gen.language.block import Guard, Labels
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.family_inverse import family_inverse
 from esea_gen.model.family_sensor import family_step
-from esea_gen.model.inverse import inverse_system
 from esea_gen.model.rubber import fitted_of
 from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream, states_before
@@ -179,7 +178,7 @@ def fixed(devices):
     device = devices["every"]
     block = family_inverse(device, fitted_of(device), steps=6)
     plan = plan_block(block)
-    library = compile_system(inverse_system(device, block), "q31")
+    library = compile_system(block_system(block), "q31")
     return device, block, plan, any_bound(plan), library
 
 

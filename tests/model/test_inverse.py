@@ -10,12 +10,12 @@ from scipy.optimize import brentq
 
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import CRunner, compile_block, compile_device
 from esea_gen.language.block import Block
 from esea_gen.language.ports import threshold
 from esea_gen.language.stream import single
 from esea_gen.model.cubic import cubic_root
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.studies.uncertainty.motions import SIGNALS
 from tests.conftest import require_tool
 from tests.model.test_elastomer import P
@@ -29,9 +29,7 @@ class Pair:
     def __init__(self, device: Device, real: str, block: Block | None = None) -> None:
         require_tool("gcc")
         self.device, self.block = device, block or exact_inverse(device)
-        self.inverse: CRunner = compile_system(inverse_system(device, self.block), real).block(
-            "inverse"
-        )
+        self.inverse = compile_block(self.block, real)
         self.sensor: CRunner = compile_device(device, real).block("sensor")
         self.bits = {f.name: 1 << i for i, f in enumerate(self.block.status_port.flags)}
 

@@ -11,8 +11,8 @@ from esea_gen.reproduce.discretisation import (
     REFINE_HZ,
     SCHEMES,
     EncodedMotion,
+    SensorDiscretisation,
     continuous_torque,
-    discretisation,
 )
 from esea_gen.reproduce.torque_model import reproduce_chapter4
 from tests.conftest import require_tool
@@ -75,7 +75,7 @@ def test_exact_inverse_is_exact(chapter4):
 @pytest.fixture(scope="module")
 def tables():
     require_tool("gcc")
-    return discretisation()
+    return SensorDiscretisation().run(lambda _: None, None)
 
 
 def test_continuous_torque_against_an_adaptive_integrator(elbow):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.hostlib.library import compile_system
-from esea_gen.model.inverse import exact_inverse, inverse_system
+from esea_gen.hostlib.library import compile_block, compile_system
+from esea_gen.model.inverse import exact_inverse
 from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin, passive_system
 from tests.conftest import require_tool
@@ -77,7 +77,7 @@ def test_away_from_the_dead_zone_it_is_the_exact_inverse(plant, knee, slow):
     """Deflection from the torque through the model: the other way to it, solved and not moved."""
     t, tau, angle, run = slow
     block = exact_inverse(knee)
-    inverse = compile_system(inverse_system(knee, block), "f64").block(block.name)
+    inverse = compile_block(block)
     want, _ = inverse.run({"tau_Nm": run.tau_true_Nm}, trace=False)
     theta_l = np.interp(run.time_s, t, angle)
     # The limb's own torque, in the plant's step.

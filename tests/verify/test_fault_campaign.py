@@ -13,7 +13,7 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults import campaign
 from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks
-from esea_gen.verify.faults.driven import DrivenRig, driven_rig_of
+from esea_gen.verify.faults.driven import DrivenRig
 from esea_gen.verify.faults.emulated import emulated_sample
 from esea_gen.verify.faults.kinds import (
     INPUT_KINDS,
@@ -201,7 +201,7 @@ def test_two_thousand_faults():
 @pytest.fixture(scope="module")
 def driven(drive):
     require_tool("gcc")
-    return driven_rig_of(drive)
+    return rig_of(drive, DrivenRig)
 
 
 def test_with_its_drivers_a_sound_drive_follows_to_the_end(driven):

@@ -21,10 +21,10 @@ from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.plotting import BOUND, INK, STYLE
 from esea_gen.verify.faults.bounds import RUN_OUT, LimbEnvelope, bound_ticks, envelope
-from esea_gen.verify.faults.driven import below_the_inputs, driven_rig_of, driver_faults
+from esea_gen.verify.faults.driven import DrivenRig, below_the_inputs, driver_faults
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
-from esea_gen.verify.faults.rig import SCENES, FaultScene, drawn_moment, rig_of, scene_of
+from esea_gen.verify.faults.rig import SCENES, FaultRig, FaultScene, drawn_moment, rig_of, scene_of
 from esea_gen.verify.faults.subjects import CLAMPED, COMMON, SUBJECTS
 
 DEFAULT_RUNS = 2000
@@ -203,8 +203,8 @@ def felt_in(
     device: Device, scene: FaultScene, fault: BoardFault, at: int, seed: int, *ticks: Sequence[int]
 ) -> dict[str, float]:
     """One run; ``found_ticks`` -1 where nothing was found."""
-    rig = driven_rig_of if below_the_inputs(fault) else rig_of
-    felt = asdict(rig(device).run(scene, fault, at, seed, *ticks))
+    rig = rig_of(device, DrivenRig if below_the_inputs(fault) else FaultRig)
+    felt = asdict(rig.run(scene, fault, at, seed, *ticks))
     return felt | {"found_ticks": -1 if felt["found_ticks"] is None else felt["found_ticks"]}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 from esea_gen.board.driven import BUS_FAULTS, CURRENT_FAULTS, MAGNET_FAULTS, DrivenSensors
 from esea_gen.device import Device
@@ -93,9 +92,3 @@ class DrivenRig(FaultRig):
                 f"Power cut after {share:.0%} of a save: {_PARAMETER} came back as {found:g}.",
                 "The store mixes sets: see firmware/app/store.c.",
             )
-
-
-@lru_cache(maxsize=1)
-def driven_rig_of(device: Device) -> DrivenRig:
-    """A rig of a device, built once in a process."""
-    return DrivenRig(device)

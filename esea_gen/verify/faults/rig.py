@@ -275,7 +275,7 @@ class FaultRig:
         lib.sim_poll()
 
 
-@lru_cache(maxsize=2)
-def rig_of(device: Device) -> FaultRig:
+@lru_cache(maxsize=3)
+def rig_of(device: Device, kind: type[FaultRig] = FaultRig) -> FaultRig:
     """A rig of a device, built once in a process."""
-    return FaultRig(device)
+    return kind(device)
