@@ -12,7 +12,7 @@ import esea_host
 def trial(address: str, path: str, seconds: float = 1.0) -> float:
     """Record a board that is at rest; largest torque in Nm."""
     largest_Nm = 0.0
-    with esea_host.open_device(address) as device:
+    with esea_host.connect(address) as device:
         device.set("lambda_1_s", 12)
         with device.record(path):
             start_s = None

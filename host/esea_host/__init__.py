@@ -3,7 +3,7 @@
 Rooms, from the top floor down: ``cli``; the windows; the three studies; the study engine; the
 simulated board; the connection to a board; recordings; metrics and statistics.
 
-``esea_host.open_device`` reaches a board, ``esea_host.open_log`` a recording.
+``esea_host.connect`` reaches a board, ``esea_host.open_log`` a recording.
 """
 
 from __future__ import annotations
@@ -11,18 +11,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from esea_host.connection import open_device
+    from esea_host.connection import open_device as connect
     from esea_host.recording import open_log
 
-__all__ = ["open_device", "open_log"]
+__all__ = ["connect", "open_log"]
 
-_ROOMS = {"open_device": "connection", "open_log": "recording"}
+_FACE = {"connect": "connection.open_device", "open_log": "recording.open_log"}
 
 
 def __getattr__(name: str) -> Any:
     # Loaded when asked for: who reads a recording needs no link.
-    if name not in _ROOMS:
+    if name not in _FACE:
         raise AttributeError(f"module 'esea_host' has no attribute '{name}'")
     from importlib import import_module
 
-    return getattr(import_module(f"esea_host.{_ROOMS[name]}"), name)
+    room, _, what = _FACE[name].partition(".")
+    return getattr(import_module(f"esea_host.{room}"), what)

@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE
-from esea_host.assess.build import PEOPLE, PER_CATEGORY, build, draw_many
+from esea_host.assess import build as build_module
+from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.evaluation import meet
@@ -319,9 +320,10 @@ def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
 
 
 @pytest.mark.slow
-def test_the_shipped_data_base_is_built_again():
+def test_the_shipped_data_base_is_built_again(monkeypatch, tmp_path):
     require_tool("gcc")
-    again, data = build(), shipped()
+    monkeypatch.setattr(build_module, "cache_folder", lambda: tmp_path)
+    again, data = build_module.build(), shipped()
     assert again.calibration == data.calibration
     assert np.allclose(again.responses, data.responses, atol=1e-5, equal_nan=True)
 

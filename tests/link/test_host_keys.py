@@ -108,9 +108,9 @@ def test_every_command_finds_the_key_or_says_what_is_missing(address, command, t
 
 
 def test_a_link_that_breaks_is_signed_again(address, tmp_path):
-    with esea_host.open_device(address) as device:
+    with esea_host.connect(address) as device:
         device.session.pair(tmp_path / "key")
-    with esea_host.open_device(address, key=tmp_path / "key") as device:
+    with esea_host.connect(address, key=tmp_path / "key") as device:
         samples = device.samples("tau_Nm")
         next(samples)
         device.receiver.transport.link.shutdown(socket.SHUT_RDWR)

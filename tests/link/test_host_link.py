@@ -279,7 +279,7 @@ def server(drive):
 
 
 def test_samples_one_after_another(server):
-    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+    with esea_host.connect(f"tcp:127.0.0.1:{server}") as device:
         device.zero()
         found = list(islice(device.samples("tau_Nm"), 300))
         state = device.state()
@@ -290,7 +290,7 @@ def test_samples_one_after_another(server):
 
 def test_who_comes_beside_a_host_is_let_go_and_may_stop(server, drive):
     """Also in a flood of what is no frame."""
-    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+    with esea_host.connect(f"tcp:127.0.0.1:{server}") as device:
         for _ in range(12):
             other = Session(TcpTransport(server), load_dialect(drive.device), 10.0)
             other.send_bytes(b"\xfd\xff\0\0" + bytes(range(256)) * 8)
@@ -352,7 +352,7 @@ def test_a_cable_pulled_out_and_put_back_is_one_gap_and_the_recording_goes_on(
     server, drive, tmp_path
 ):
     proxy = Proxy(server)
-    with esea_host.open_device(proxy.address, "elbow_drive") as device:
+    with esea_host.connect(proxy.address, "elbow_drive") as device:
         with device.record(tmp_path / "a.mcap") as recording:
             until(lambda: recording.rows >= 2000)
             # The board runs on while nothing comes through: a quick hand would lose no run.
@@ -380,7 +380,7 @@ def test_a_cable_pulled_out_and_put_back_is_one_gap_and_the_recording_goes_on(
 def test_a_board_that_does_not_come_back_ends_with_the_reason(server, tmp_path, monkeypatch):
     monkeypatch.setattr("esea_host.connection.device.MOST_AWAY_S", 0.5)
     proxy = Proxy(server)
-    with esea_host.open_device(proxy.address) as device:
+    with esea_host.connect(proxy.address) as device:
         samples = device.samples("tau_Nm")
         next(samples)
         proxy.close()
@@ -464,20 +464,20 @@ def test_monitor_ends_with_its_pipe_and_who_comes_beside_is_told(drive):
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as watched:
             assert b"(simulated): " in watched.stdout.readline()
             with pytest.raises(LinkError, match=r"^another program commands this board .127\.0"):
-                esea_host.open_device(words[-1])
+                esea_host.connect(words[-1])
             watched.stdout.close()  # as head does
             assert (watched.wait(60.0), watched.stderr.read()) == (1, b"")
 
 
 @pytest.mark.slow
 def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
-    with esea_host.open_device("sim:elbow_drive?speed=2&person=none") as device:
+    with esea_host.connect("sim:elbow_drive?speed=2&person=none") as device:
         assert device.simulated
         with device.record(tmp_path / "a.mcap") as recording:
             time.sleep(1.0)
         assert recording.rows > 1000
     with pytest.raises(LinkError, match=r"did not start; it said:\s+There is no person 'tall'"):
-        esea_host.open_device("sim:elbow_drive?person=tall")
+        esea_host.connect("sim:elbow_drive?person=tall")
 
 
 def test_the_example_runs(server, tmp_path):

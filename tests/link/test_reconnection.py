@@ -44,7 +44,7 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(
 
     monkeypatch.setattr(drive, "tick", turn)
     with (
-        esea_host.open_device(cut.address) as device,
+        esea_host.connect(cut.address) as device,
         device.record(tmp_path / "a.mcap") as recording,
     ):
         monkeypatch.setattr(device_module, "identify", lambda *a: time.sleep(away_s) or known(*a))
@@ -65,7 +65,7 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(
 
 
 def test_a_command_that_waits_while_the_link_breaks_is_not_sent_afterwards(cut):
-    with esea_host.open_device(cut.address) as device:
+    with esea_host.connect(cut.address) as device:
         cut.loses = True
         with ThreadPoolExecutor() as pool:
             waiting = pool.submit(device.arm)
@@ -80,10 +80,10 @@ def test_a_command_that_waits_while_the_link_breaks_is_not_sent_afterwards(cut):
 def test_who_comes_second_is_refused_at_once_and_learns_who_is_first(cut, monkeypatch):
     monkeypatch.setattr("esea_host.simulated.server.GUEST_S", 60.0)  # for a stop of theirs
     with (
-        esea_host.open_device(cut.address),
+        esea_host.connect(cut.address),
         pytest.raises(LinkError, match=r"commands this board .127\.0\.0\.1:\d+"),
     ):
-        esea_host.open_device(cut.address)
+        esea_host.connect(cut.address)
     ours, theirs = os.openpty()
     first = open_transport(f"pty:{os.ttyname(theirs)}")
     for kind in ("pty", "serial"):
@@ -98,7 +98,7 @@ def test_who_comes_second_is_refused_at_once_and_learns_who_is_first(cut, monkey
 def test_the_window_shows_since_when_what_was_known_and_connects_again(cut, qtbot, monkeypatch):
     from esea_host.windows.live import LiveWindow
 
-    with esea_host.open_device(cut.address) as device:
+    with esea_host.connect(cut.address) as device:
         feed = LiveFeed(device)
         window = LiveWindow(feed)
         window.timer.stop()

@@ -207,7 +207,7 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot, monk
         given = simulated_elbow, listener, 3.0, False
         thread = threading.Thread(target=serve_hosts, args=given)
         thread.start()
-        with esea_host.open_device(f"tcp:127.0.0.1:{listener.getsockname()[1]}") as device:
+        with esea_host.connect(f"tcp:127.0.0.1:{listener.getsockname()[1]}") as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=False)
             conductor = Conductor(study, study.session("P01", 0, source), float("inf"))
             participant, operator = opening(qtbot)(conductor, device)

@@ -341,7 +341,7 @@ def test_stop_reaches_the_board_past_everything_that_waits(server, simulated_elb
     from esea_host.windows.live import LiveWindow
 
     answer = threading.Event()
-    with esea_host.open_device(f"tcp:127.0.0.1:{server}") as device:
+    with esea_host.connect(f"tcp:127.0.0.1:{server}") as device:
         feed = LiveFeed(device)
         window = LiveWindow(feed)
         qtbot.addWidget(window)

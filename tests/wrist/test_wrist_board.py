@@ -184,7 +184,7 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_m
         thread = threading.Thread(target=serve_hosts, args=(board, listener, 0.5, False))
         thread.start()
         cable = Proxy(listener.getsockname()[1])
-        with esea_host.open_device(cable.address) as device:
+        with esea_host.connect(cable.address) as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=True)
             session = study.session("P01", 0, source)
             steps = iter(range(100_000))

@@ -7,10 +7,17 @@ made it: that takes minutes.  Tests simulate some of its people again.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Callable, Sequence
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from joblib import Memory
 
+import esea_gen.cache
+from esea_gen.cache import cache_folder
 from esea_host.assess import NOTICE
 from esea_host.assess.database import KNEE_GRID, Answers, ResponseDataBase, answered
 from esea_host.assess.hypotheses import normalised, summarised
@@ -31,7 +38,7 @@ FITTED = {
     "noise_Nm": (0.25, 0.5, 1.0, 1.4, 2.0),
 }
 NONE_INSIDE = 0.02  # share of calibration patients that may be called "none of these"
-CHUNK = 110  # people simulated together
+CHUNK = 110  # people simulated together; an interrupted build goes on after the last ones
 Say = Callable[[str], None]
 
 
@@ -51,11 +58,34 @@ def simulated_people(root: int, per_category: int, say: Say) -> list[Answers]:
     people = draw_many(root, per_category, (*CATEGORIES, RELAXED))
     out: list[Answers] = []
     for first in range(0, len(people), CHUNK):
-        part = people[first : first + CHUNK]
-        passages = swept(part, [[root, 7, first + i] for i in range(len(part))])
-        out += answered(zip([p.category for p in part], passages, strict=True), KNEE_GRID)
+        out += _kept(partial(_swept_chunk, people, root, first), root, per_category, first)
         say(f"simulated patients {len(out)} of {len(people)}")
     return out
+
+
+def _swept_chunk(people: Sequence[KneePatient], root: int, first: int) -> list[Answers]:
+    part = people[first : first + CHUNK]
+    passages = swept(part, [[root, 7, first + i] for i in range(len(part))])
+    return list(answered(zip([p.category for p in part], passages, strict=True), KNEE_GRID))
+
+
+def _kept(call: Callable[[], Any], *key: Any) -> Any:
+    """The result of a part of the build, kept so that an interrupted one goes on after it."""
+    memory = Memory(cache_folder() / "assess-build", verbose=0)
+    return memory.cache(_called, ignore=["call"])(call, _code(), CHUNK, key)
+
+
+def _called(call: Callable[[], Any], code: str, chunk: int, key: Any) -> Any:
+    return call()
+
+
+@cache
+def _code() -> str:
+    # Of all that could decide the numbers: parts that other code made are not taken.
+    digest = hashlib.sha256(str(esea_gen.cache.code_digest()).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
@@ -71,7 +101,7 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
     }
     people = simulated_people(PEOPLE, per_category, tell)
     data = ResponseDataBase.of(people, KNEE_GRID, provenance, RELAXED)
-    noise = movement_noise(data, tell)
+    noise = _kept(partial(movement_noise, data, tell), "noise", data.digest)
     data = dataclasses.replace(data, calibration=noise)
     none = none_calibration(data, tell)
     return dataclasses.replace(data, calibration={**noise, **none})
@@ -123,7 +153,7 @@ def none_calibration(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, 
     people = draw_many(NONE_CALIBRATION, 2 * CALIBRATION_PER_CATEGORY, data.diagnoses)
     found: list[float] = []
     for first in range(0, len(people), CHUNK):
-        found += _none_chunk(data, people, first)
+        found += _kept(partial(_none_chunk, data, people, first), "none", data.digest, first)
         tell(f"none of these: calibration patients {len(found)} of {len(people)}")
     return none_offset(np.array(found))
 

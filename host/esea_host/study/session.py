@@ -105,7 +105,7 @@ def _state_of(found: LogFound) -> SessionState:
         ended=ended,
         torn=len(found.torn),
         last_s=found.entries[-1].time_s,
-        simulated=bool(head.get("simulated")),
+        simulated=bool(head.get("simulated", True)),  # unmarked: never a person's
         rehearsal=bool(head.get("rehearsal")),
         about=dict(head.get("about", {})),
         content_hash=next(filter(None, (r.get("content_hash") for r in ready)), ""),
