@@ -185,16 +185,16 @@ class _Encoder:
             Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
         )
         self.inputs = (
-            Port("count", 0, self.full - 1, "raw count as the chip gives it, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("count", self.full - 1, "raw count as the chip gives it"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         )
         self.equations = equations(EQUATIONS + (CORRECTED if self.table else PLAIN))
         self.streams = STREAMS
         self.state = (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            Port.count("count_last", self.full - 1, "count of the last good frame"),
             around("turn", TURNS, "whole turns of the encoder"),
-            Port("held", 0, self.held_max + 1, "bad frames in a row; stays at its end"),
-            Port("settled", 0, SETTLED, "frames that agreed since the start; stays at its end"),
+            Port.count("held", self.held_max + 1, "bad frames in a row; stays at its end"),
+            Port.count("settled", SETTLED, "frames that agreed since the start; stays at its end"),
             Port.flag("lost", "1 once the reference is lost, until init"),
         )
         angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
@@ -226,9 +226,9 @@ class _Encoder:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        started, settled = s.settled > 0.5, s.settled > SETTLED - 0.5
+        started, settled = s.settled > 0, s.settled >= SETTLED
         lost = s.lost
-        flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
+        flagged = label("flagged", u.frame_error > 0, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
 
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
@@ -239,7 +239,7 @@ class _Encoder:
         # Between whole numbers, so that no format can decide otherwise.
         reach = ca.SX(self.step_max + 0.5)
         for k in range(1, self.held_max + 1):
-            reach = ca.if_else(s.held > k - 0.5, self.step_max * (k + 1) + 0.5, reach)
+            reach = ca.if_else(s.held >= k, self.step_max * (k + 1) + 0.5, reach)
         label("reach", reach, "[reach] as far as the joint can have gone, in counts")
         near = ca.fabs(moved) <= reach
 
@@ -261,17 +261,18 @@ class _Encoder:
         count = label("count_good", ca.if_else(good, u.count, s.count_last), "last good count")
         away = ca.logic_and(good, ca.fabs(wanted) > TURNS + 0.5)
 
-        held = ca.if_else(good, 0.0, _snap(s.held + 1, 0, self.held_max + 1))
+        held = ca.if_else(s.held > self.held_max, self.held_max + 1, s.held + 1)
+        held = ca.if_else(good, 0, held)
         held = label("bad_in_a_row", held, "bad frames in a row")
-        late = label("late", held > self.held_max + 0.5, "more than may be bridged")
+        late = label("late", held > self.held_max, "more than may be bridged")
         # Readable and implausible with nothing left to bridge: it slipped.  Unreadable: start anew.
         slipped = ca.logic_and(ca.logic_and(settled, odd), late)
         lost_now = label("reference_lost", ca.logic_or(lost, ca.logic_or(slipped, away)))
-        agreed = _snap(s.settled + 1, 1, SETTLED)
-        kept = ca.if_else(late, 0.0, s.settled)
-        settled_now = ca.if_else(good, ca.if_else(start, 1.0, agreed), kept)
+        agreed = ca.if_else(settled, SETTLED, s.settled + 1)
+        kept = ca.if_else(late, 0, s.settled)
+        settled_now = ca.if_else(good, ca.if_else(start, 1, agreed), kept)
         label("agreeing", settled_now, "frames that agree")
-        settling = settled_now < SETTLED - 0.5
+        settling = settled_now < SETTLED
         unzeroed = c.zeroed < 0.5
 
         angle = (turn * self.full + count) * self.count_rad

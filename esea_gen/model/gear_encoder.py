@@ -78,8 +78,8 @@ class _GearEncoder:
             "Encoder front end, motor's shaft: count to the angle that the drive has turned"
         )
         self.inputs = (
-            Port("count", 0, self.full - 1, "raw count of the shaft, a whole number"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("count", self.full - 1, "raw count of the shaft"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         )
         self.equations = equations(EQUATIONS)
         self.streams = OwnStreams(_events)
@@ -90,9 +90,9 @@ class _GearEncoder:
             Constant("held_max", self.held_max, "short of half a turn of the shaft", "derived"),
         )
         self.state = (
-            Port("count_last", 0, self.full - 1, "count of the last good frame"),
+            Port.count("count_last", self.full - 1, "count of the last good frame"),
             around("moved", self.moved_max, "counts turned since the start"),
-            Port("held", 0, self.held_max, "bad frames in a row; stays at its end"),
+            Port.count("held", self.held_max, "bad frames in a row; stays at its end"),
             Port.flag("started", "1 once there was a good frame"),
             around("omega_rad_s", self.rate_lim, "rate of the last step"),
         )
@@ -119,7 +119,7 @@ class _GearEncoder:
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started = s.started
-        flagged = label("flagged", u.frame_error > 0.5, "the frame's own checks failed")
+        flagged = label("flagged", u.frame_error > 0, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
         raw = label("raw_step", u.count - s.count_last, "[wrap] counts since the last good frame")
         back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
@@ -127,19 +127,19 @@ class _GearEncoder:
         moved = label("step", raw + over, "the short way round")
         reach, share = ca.SX(self.step_max + 0.5), ca.SX(1.0)
         for k in range(1, self.held_max + 1):
-            reach = ca.if_else(s.held > k - 0.5, self.step_max * (k + 1) + 0.5, reach)
-            share = ca.if_else(s.held > k - 0.5, 1 / (k + 1), share)
+            reach = ca.if_else(s.held >= k, self.step_max * (k + 1) + 0.5, reach)
+            share = ca.if_else(s.held >= k, 1 / (k + 1), share)
         label("reach", reach, "[reach] as far as the drive can have gone, in counts")
         near = ca.fabs(moved) <= reach
         good = label("good", ca.logic_and(readable, ca.logic_and(started, near)), "goes on")
-        late = label("late", s.held > self.held_max - 0.5, "no more may be bridged")
+        late = label("late", s.held >= self.held_max, "no more may be bridged")
         first = ca.logic_and(readable, ca.logic_or(ca.logic_not(started), late))
         first = label("first", first, "starts here, at first or again")
         fresh = ca.logic_and(first, ca.logic_not(good))
         total = label("moved_counts", s.moved + ca.if_else(good, moved, 0.0), "[angle]")
         outside = label("outside", ca.fabs(total) > self.moved_max + 0.5, "more than the joint can")
-        bad = ca.if_else(late, float(self.held_max), s.held + 1.0)
-        held = ca.if_else(ca.logic_or(good, fresh), 0.0, bad)
+        bad = ca.if_else(late, self.held_max, s.held + 1)
+        held = ca.if_else(ca.logic_or(good, fresh), 0, bad)
         rate = moved * share * (1 / (self.h * self.counts_rad))
         rate = label("rate_rad_s", rate, "[rate] a frame that was bridged counts as moved evenly")
         # Of a frame that is farther away; a good one is within, but for two counts' worth.

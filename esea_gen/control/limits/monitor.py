@@ -99,7 +99,7 @@ class _EncoderMonitor:
         n, most = len(self.watched), max(self.room)
         self.state = (
             Port.flag("followed", "1 when the last frame was good"),
-            Port("count_last", 0, self.full - 1, "last good count"),
+            Port.count("count_last", self.full - 1, "last good count"),
             around("step", self.reach, "last step, in counts", equation="[mon 1]"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
             around("mean", self.reach, "mean step"),
@@ -107,8 +107,8 @@ class _EncoderMonitor:
             Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
         )
         self.inputs = (
-            Port("count", 0, self.full - 1, "raw count", on_invalid="count_last"),
-            Port("frame_error", 0, FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("count", self.full - 1, "raw count", on_invalid="count_last"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
         )
         self.outputs = (
             Port.choice("doubt", Doubt, "what is doubted"),
@@ -122,7 +122,7 @@ class _EncoderMonitor:
         )
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        good = label("good", ca.logic_and(guard.inputs_ok, u.frame_error < 0.5))
+        good = label("good", ca.logic_and(guard.inputs_ok, u.frame_error == 0))
         # A bad frame counts as one at rest, and the next one as the first.
         count = ca.if_else(good, u.count, s.count_last)
         raw = count - s.count_last

@@ -244,9 +244,7 @@ class Arithmetic(LoweringBase):
                 only = self._tests_only(test, one)
                 if i not in self.whole or i in self.converted:
                     condition = again if only else ex.logic("and", again, condition)
-                override[one] = Value(
-                    Expr("ref", (), e.bits, low, high, (), e.name), found.fraction
-                )
+                override[one] = Value(ex.within(e, low, high), found.fraction)
         ends = [
             (override[k].low, override[k].high) if k in override else self._ends(k)
             for k in (one, other)

@@ -58,6 +58,11 @@ def named(name: str, value: Expr) -> Expr:
     return Expr("ref", (), value.bits, value.low, value.high, (), name)
 
 
+def within(x: Expr, low: int, high: int) -> Expr:
+    """A named value where a condition has shown that it is in a range."""
+    return replace(x, low=low, high=high)
+
+
 def literal(value: int, bits: int = 32) -> Expr:
     return _make("literal", (), bits, value, value, (value,))
 

@@ -289,9 +289,17 @@ class LoweringBase:
 
     def _value(self, i: int) -> Value:
         v = self._held(i)
-        if v.expr.bits == -32 and v.expr.high <= ex.INT32[1]:
-            return Value(ex.cast(v.expr, 32), 0)
-        return v
+        if v.expr.bits != -32:
+            return v
+        e, n = v.expr, self.kernel.nodes[i]
+        port = self.source(*n.source).declared if n.op == "input" else None
+        if port is None or e.high <= port.high:
+            return Value(ex.cast(e, 32), 0)
+        # Memory may hold any number: cut to the port's range.
+        most = int(port.high)
+        inside = ex.cast(ex.within(e, 0, most), 32)
+        fits = ex.compare("le", e, ex.literal(most, -32))
+        return Value(ex.choose(fits, inside, ex.literal(most), 32), 0)
 
     def _unsigned(self, i: int, choices: type[IntEnum] | None) -> Expr:
         # A constant by its name.
