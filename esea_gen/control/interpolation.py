@@ -59,7 +59,7 @@ class _Interpolation:
             Port.choice("mode_last", Mode, "mode of the last step"),
             *desired("last", "as received: desired "),
             *desired("now", "interpolated: desired "),
-            Port("age", 0.0, self.most, "periods since the last change", init=self.most),
+            Port.count("age", self.most, "periods since the last change", init=self.most),
             Port("intervals", 1.0, self.most, "last intervals, newest first", INTERVALS, init=1.0),
             Port("left", 1.0, self.most, "periods until the ramp ends", init=1.0),
         )
@@ -85,8 +85,9 @@ class _Interpolation:
         )
         differs = ca.logic_not(ca.logic_and(x[0] == last[0], x[1] == last[1]))
         changed = label("changed", ca.logic_or(differs, ca.logic_not(x[2] == last[2])))
+        soon = s.age < self.most
+        follows = label("follows", ca.logic_and(changed, soon), "and soon after one")
         age = s.age + 1
-        follows = label("follows", ca.logic_and(changed, age <= self.most), "and soon after one")
         intervals = ca.vertsplit(s.intervals)
         intervals = [
             ca.if_else(changed, ca.if_else(follows, new, 1.0), old)
@@ -108,7 +109,7 @@ class _Interpolation:
             "mode_last": u.mode,
             **{n.replace("desired", "last"): v for n, v in zip(DESIRED, x, strict=True)},
             **{n.replace("desired", "now"): v for n, v in zip(DESIRED, y, strict=True)},
-            "age": ca.if_else(changed, 0.0, ca.fmin(age, self.most)),
+            "age": ca.if_else(changed, 0, ca.if_else(soon, age, self.most)),
             "intervals": intervals,
             "left": ca.fmax(left - 1, 1.0),
         }

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import IntEnum
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -17,19 +19,22 @@ FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feel
 MOST_LAWS = 8
 
 
+@cache
+def _places(laws: tuple[str, ...]) -> type[IntEnum]:
+    return IntEnum("Law", {name.upper(): k for k, name in enumerate(laws)})
+
+
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
     """The command of the law asked for, joined to the one before by an offset that fades."""
     if not 2 <= len(laws) <= MOST_LAWS:
         raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
     drive = drive_of(device)
-    period, reach, last = drive.control_period_s, drive.u_Nm, len(laws) - 1
-    places = [f"{k} {n}" for k, n in enumerate(laws)]
+    period, reach = drive.control_period_s, drive.u_Nm
+    places = _places(tuple(laws))
     clipped = "the joined command was clipped at the motor's limit"
 
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        known = [u.law == k for k in range(len(laws))]
-        unknown = label("unknown", ca.logic_not(sum(known[1:], known[0])), "no law's place")
-        held = label("law_in_force", ca.if_else(unknown, s.law_held, u.law))
+        held = label("law_in_force", u.law)
 
         def of_held(values: Sequence[Any]) -> Any:
             chosen = values[0]
@@ -54,7 +59,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
                 "u_command_Nm": joined,
                 "request_ok": ca.logic_and(guard.inputs_ok, ok == 1),
                 "law_held": held,
-                "status": guard.status(unknown, ca.fabs(wanted) > reach),
+                "status": guard.status(ca.fabs(wanted) > reach),
             },
         )
 
@@ -68,24 +73,23 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
         coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
         prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
         state=(
-            Port("law_held", 0, last, "place of the law in force"),
+            Port.choice("law_held", places, "law in force"),
             Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
             Port("u_last_Nm", -reach, reach, "last command"),
         ),
         inputs=(
-            Port("law", 0, last, f"wanted: {', '.join(places)}", on_invalid="law_held"),
+            Port.choice("law", places, "desired law", on_invalid="law_held"),
             *(Port(f"u_{n}_Nm", -reach, reach, f"command of {n}") for n in laws),
             *(Port.flag(f"ok_{n}", f"1 while what {n} is asked for is sound") for n in checked),
         ),
         outputs=(
             Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
             Port.flag("request_ok", "1 while what the law in force is asked for is sound"),
-            Port("law_held", 0, last, "place of the law in force"),
+            Port.choice("law_held", places, "law in force"),
             status_port(
                 "what is known of the choice",
-                "a command was NaN or outside its range; 0 stands for it",
+                "a command was NaN or outside its range: 0 is used; or no such law: the last one stays",
                 "the state was corrupt: the first law is in force",
-                Flag("LAW_UNKNOWN", "no law has that place; the one in force stays", True),
                 Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
             ),
         ),

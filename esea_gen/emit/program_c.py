@@ -351,7 +351,7 @@ class _Writer:
         words = [
             k
             for k, r in enumerate(s.results)
-            if any(p.flags and r.array == f"out.{p.name}" for p in self.program.outputs)
+            if any(p.whole and r.array == f"out.{p.name}" for p in self.program.outputs)
         ]
         printed = print_kernel(
             kernel,
@@ -368,8 +368,7 @@ class _Writer:
             lines.append(f"{pad}    const {x.c_type} {x.name} = {x.expression};")
         for k, (ref, atoms) in enumerate(zip(s.results, printed.results, strict=True)):
             for e, atom in enumerate(atoms):
-                value = f"(uint32_t)({atom})" if k in words else atom
-                lines.append(f"{pad}    {self.place(ref, e, context)} = {value};")
+                lines.append(f"{pad}    {self.place(ref, e, context)} = {atom};")
         lines.append(f"{pad}}}")
         if len(lines) == 3 + bool(s.note):  # one statement needs no braces
             lines[-3:] = [lines[-2][4:]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import reduce
 from typing import Any, Literal
 
 import casadi as ca
@@ -437,7 +438,7 @@ def in_range(x: ca.SX, low: float, high: float) -> ca.SX:
 def port_ok(x: ca.SX, port: Port) -> ca.SX:
     """Whether a port's value is plausible.
 
-    A scalar must be inside its range.  For a vector the sum of magnitudes must be within size times
+    A scalar or a flag must be inside its range.  For a vector of numbers the sum of magnitudes must be within size times
     the largest magnitude (and a thousandth, room for rounding): one comparison finds any NaN,
     infinity or blown-up element.
 
@@ -447,8 +448,9 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
         The value, ``port.size`` elements.
     port : Port
     """
-    if port.size == 1:
-        return in_range(x, port.low, port.high)
+    if port.size == 1 or port.kind == "flag":
+        inside = [in_range(e, port.low, port.high) for e in ca.vertsplit(x)]
+        return reduce(ca.logic_and, inside)
     total = ca.fabs(x[0])
     for i in range(1, port.size):
         total = total + ca.fabs(x[i])

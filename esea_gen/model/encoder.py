@@ -182,7 +182,7 @@ class _Encoder:
         self.tunables = _tunables(self.own)
         self.coefficients = (
             around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
-            Port("zeroed", 0.0, 1.0, "1 when a calibration has set the zero"),
+            Port.flag("zeroed", "1 when a calibration has set the zero"),
         )
         self.inputs = (
             Port.count("count", self.full - 1, "raw count as the chip gives it"),
@@ -223,7 +223,7 @@ class _Encoder:
         )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:
-        return {"offset_rad": t.zero_rad, "zeroed": t.zeroed}
+        return {"offset_rad": t.zero_rad, "zeroed": t.zeroed >= 0.5}
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         started, settled = s.settled > 0, s.settled >= SETTLED
@@ -273,7 +273,7 @@ class _Encoder:
         settled_now = ca.if_else(good, ca.if_else(start, 1, agreed), kept)
         label("agreeing", settled_now, "frames that agree")
         settling = settled_now < SETTLED
-        unzeroed = c.zeroed < 0.5
+        unzeroed = ca.logic_not(c.zeroed)
 
         angle = (turn * self.full + count) * self.count_rad
         if self.table:

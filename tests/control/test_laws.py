@@ -87,13 +87,13 @@ def test_a_change_is_joined_and_fades(drive):
     )
 
 
-@pytest.mark.parametrize("law", [math.nan, math.inf, -1.0, 0.5, 2.0])
+@pytest.mark.parametrize("law", [math.nan, math.inf, -1.0, 2.0])
 def test_what_is_no_law_leaves_the_one_in_force(drive, law):
     switch = law_switch(drive, ["a", "b"]).simulator()
     switch.step(law=1, u_a_Nm=0.1, u_b_Nm=0.2)
     out = switch.step(law=law, u_a_Nm=0.1, u_b_Nm=0.2)
     assert out["law_held"] == 1
-    assert out["status"] & (1 | 4)  # invalid, or no law's place
+    assert out["status"] & 1
 
 
 def test_the_check_of_the_law_in_force_decides(drive):

@@ -7,6 +7,7 @@ joint moves, and a motor does not swing from one of its limits to the other all 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from functools import reduce
 from typing import Any, Literal
 
@@ -35,6 +36,16 @@ MEAN_TICKS = 16  # of the mean step, which tells slow from fast
 # Counts without a change of a low bit: of a sound one that is slow enough no more than one block of
 # 2^k, but noise may leap a small block again and again.
 LEAST_COUNTS, NOISES = 16, 32
+
+
+
+class Limit(IntEnum):
+    """Limit of the motor's torque that the command was last at."""
+
+    NONE = 0
+    LOW = 1
+    HIGH = 2
+
 
 EQUATIONS = """
     [mon 1] | w_k | c_k - c{k-1} | step of the count, the short way round
@@ -103,7 +114,7 @@ class _EncoderMonitor:
             around("step", self.reach, "last step, in counts", equation="[mon 1]"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
             around("mean", self.reach, "mean step"),
-            Port("ones", 0.0, 1.0, "watched bits of the last count, lowest first", n),
+            Port.flag("ones", "watched bits of the last count, lowest first", size=n),
             Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
         )
         self.inputs = (
@@ -150,7 +161,7 @@ class _EncoderMonitor:
             slow = ca.logic_and(goes_on, ca.fabs(mean) <= 0.5 * (1 << i))
             on = ca.if_else(slow, clip(s.moved[k] + clip(now, -leap, leap), -room, room), 0.0)
             held = ca.fabs(s.moved[k]) > room - 0.5  # stuck stays so until the bit changes
-            same = ca.fabs(ones[k] - s.ones[k]) < 0.5
+            same = ones[k] == s.ones[k]
             moved.append(ca.if_else(same, ca.if_else(held, s.moved[k], on), 0.0))
         full = (ca.fabs(x) > room - 0.5 for x, room in zip(moved, self.room, strict=True))
         stuck = label("stuck", reduce(ca.logic_or, full), "[mon 4]")
@@ -182,7 +193,7 @@ class _Monitor:
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
             around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
-            Port("limit_last", -1.0, 1.0, "limit at which that was last"),
+            Port.choice("limit_last", Limit, "limit at which that was last"),
             Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
             Port(
                 "missed_Nm", 0.0, 1.01 * (tau + full), "largest torque error since the last swing"
@@ -209,14 +220,14 @@ class _Monitor:
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         followed = clip(u.u_command_Nm, s.u_last_Nm - self.u_step, s.u_last_Nm + self.u_step)
         followed = label("u_followed_Nm", clip(followed, -self.u_max, self.u_max))
-        at = ca.if_else(followed > FULL * self.u_max, 1.0, 0.0)
-        at = ca.if_else(followed < -FULL * self.u_max, -1.0, at)
-        swung = label("swung", at * s.limit_last < -0.5, "from one limit to the other")
+        high, low = followed > FULL * self.u_max, followed < -FULL * self.u_max
+        last = ca.if_else(low, Limit.LOW, ca.if_else(high, Limit.HIGH, s.limit_last))
+        swung = ca.logic_and(s.limit_last != Limit.NONE, last != s.limit_last)
+        swung = label("swung", swung, "from one limit to the other")
         missed = ca.fmax(s.missed_Nm, ca.fabs(u.tau_set_Nm - u.tau_Nm))
         counts = ca.logic_and(swung, label("missed_Nm", missed, "torque error") > self.missed)
         swings = s.swings * self.decay + ca.if_else(counts, self.swing, 0.0)
         often = label("often", label("swings", swings, "[mon 5]") > 1.0)
-        last = ca.if_else(ca.fabs(at) > 0.5, at, s.limit_last)
         next_state = {"u_last_Nm": followed, "limit_last": last, "swings": swings}
         next_state["missed_Nm"] = ca.if_else(swung, 0.0, missed)
         doubt = u.doubt_motor

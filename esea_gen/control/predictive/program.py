@@ -65,7 +65,7 @@ class _Writer:
         self.outputs = (
             Port(model.u_name, -model.u_max, model.u_max, "command"),
             Port("residual", 0.0, 2.0, "QP: largest projected gradient step, widths of the box"),
-            Port("iterations", 0, 1000, "QP: changes of its active set"),
+            Port.count("iterations", 1000, "QP: changes of its active set"),
             Port("status", 0, 2 ** len(FLAGS) - 1, "what is known of the command", flags=FLAGS),
         )
         self.plan = declare_ports(b, "state", (self.plan_port,))["plan"]

@@ -320,6 +320,8 @@ class Arithmetic(LoweringBase):
         if ca is not None and cb is not None:
             holds = {"lt": ca < cb, "le": ca <= cb, "eq": ca == cb, "ne": ca != cb}[n.op]
             return Value(ex.literal(int(holds), 1), 0)
+        if n.op in ("eq", "ne") and all(self.kernel.nodes[k].boolean for k in n.args):
+            return Value(ex.compare(n.op, self._condition(a), self._condition(b)), 0)
         for k, c, upper in ((a, cb, True), (b, ca, False)):
             if c is None:
                 continue

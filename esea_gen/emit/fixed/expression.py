@@ -204,7 +204,7 @@ def compare(op: str, x: Expr, y: Expr) -> Expr:
     }[op]
     if always or never:
         return literal(int(always), 1)
-    bits = -32 if x.bits == y.bits == -32 else max(x.bits, y.bits, 32)
+    bits = x.bits if x.bits == y.bits else max(x.bits, y.bits, 32)
     return Expr(op, (cast(x, bits), cast(y, bits)), 1, 0, 1)
 
 

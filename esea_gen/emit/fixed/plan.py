@@ -110,7 +110,7 @@ def _prepare(
             ends = (v.low, v.high) if v else (Fraction(kernel.nodes[i].value),) * 2
             low, high = min(low, ends[0]), max(high, ends[1])
         low, high = max(low, Fraction(p.low)), min(high, Fraction(p.high))
-        fraction = min(best_fraction(low, high), MOST_PORT_FRACTION)
+        fraction = 0 if p.whole else min(best_fraction(low, high), MOST_PORT_FRACTION)
         f = _field(p, fraction)
         scale = Fraction(2) ** fraction
         least, most = math.floor(low * scale), math.ceil(high * scale)

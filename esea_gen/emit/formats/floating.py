@@ -105,7 +105,9 @@ class FloatingFormat(Format):
         others = meanings(block, function, kernel)
         if function == "prepare":
             access = self._access([("params", block.tunables)])
-            return print_kernel(kernel, self, access, {}, others=others)
+            return print_kernel(
+                kernel, self, access, {}, others=others, ports=block.coefficients
+            )
         coefficients = [("coeffs", block.coefficients)]
         if function == "init":
             access = self._access(coefficients)
@@ -182,7 +184,8 @@ class _Operands:
         n = self.kernel.nodes[i]
         a = n.args[position]
         operand = self.kernel.nodes[a]
-        if n.op in LOGICAL or (n.op in SELECTING and position == 0):
+        alike = n.op in ("eq", "ne") and all(self.kernel.nodes[k].boolean for k in n.args)
+        if n.op in LOGICAL or alike or (n.op in SELECTING and position == 0):
             if operand.boolean:
                 return text
             zero = "0u" if a in self.flags | self.whole else self.fmt.literal(0.0)
