@@ -21,7 +21,10 @@ MOST_LAWS = 8
 
 @cache
 def _places(laws: tuple[str, ...]) -> type[IntEnum]:
-    return IntEnum("Law", {name.upper(): k for k, name in enumerate(laws)})
+    numbers = {name.upper(): k for k, name in enumerate(laws)}
+    law = IntEnum("Law", numbers)  # type: ignore[misc]
+    law.__doc__ = "Control law that commands the motor."
+    return law
 
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
@@ -34,7 +37,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
     clipped = "the joined command was clipped at the motor's limit"
 
     def step(c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        held = label("law_in_force", u.law)
+        held = u.law
 
         def of_held(values: Sequence[Any]) -> Any:
             chosen = values[0]
@@ -88,7 +91,7 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             Port.choice("law_held", places, "law in force"),
             status_port(
                 "what is known of the choice",
-                "a command was NaN or outside its range: 0 is used; or no such law: the last one stays",
+                "a command was invalid, 0 is used; or there is no such law, the last one stays",
                 "the state was corrupt: the first law is in force",
                 Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
             ),

@@ -366,7 +366,7 @@ class _Writer:
             lines.insert(0, comment(s.note, 4 * depth))
         for x in printed.statements:
             lines.append(f"{pad}    const {x.c_type} {x.name} = {x.expression};")
-        for k, (ref, atoms) in enumerate(zip(s.results, printed.results, strict=True)):
+        for ref, atoms in zip(s.results, printed.results, strict=True):
             for e, atom in enumerate(atoms):
                 lines.append(f"{pad}    {self.place(ref, e, context)} = {atom};")
         lines.append(f"{pad}}}")
