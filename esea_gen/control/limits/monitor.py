@@ -38,7 +38,6 @@ MEAN_TICKS = 16  # of the mean step, which tells slow from fast
 LEAST_COUNTS, NOISES = 16, 32
 
 
-
 class Limit(IntEnum):
     """Limit of the motor's torque that the command was last at."""
 

@@ -105,9 +105,7 @@ class FloatingFormat(Format):
         others = meanings(block, function, kernel)
         if function == "prepare":
             access = self._access([("params", block.tunables)])
-            return print_kernel(
-                kernel, self, access, {}, others=others, ports=block.coefficients
-            )
+            return print_kernel(kernel, self, access, {}, others=others, ports=block.coefficients)
         coefficients = [("coeffs", block.coefficients)]
         if function == "init":
             access = self._access(coefficients)
