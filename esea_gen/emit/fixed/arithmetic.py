@@ -66,11 +66,15 @@ class Arithmetic(LoweringBase):
 
         def whole(at: int) -> Value:
             # Nothing is lost: what ends in comparisons alone decides as it should.
-            (a, _, ca), (b, _, cb) = (self.align(k, at, 64) for k in n.args)
-            total = join(a, b, 64)
-            narrow = ex.INT32[0] <= total.low and total.high <= ex.INT32[1]
-            kept = ex.cast(total, 32) if narrow else total
-            return Value(kept, at, 0.0, 0, stored(ca, cb))
+            try:
+                (a, _, ca), (b, _, cb) = (self.align(k, at, 32) for k in n.args)
+                total = join(a, b, 32)
+            except OverflowProofError:
+                (a, _, ca), (b, _, cb) = (self.align(k, at, 64) for k in n.args)
+                total = join(a, b, 64)
+                if ex.INT32[0] <= total.low and total.high <= ex.INT32[1]:
+                    total = ex.cast(total, 32)
+            return Value(total, at, 0.0, 0, stored(ca, cb))
 
         def finish(at: int, f: int, bits: int) -> Value:
             (a, ea, ca), (b, eb, cb) = (self.align(k, at, bits) for k in n.args)

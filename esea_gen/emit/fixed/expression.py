@@ -257,7 +257,18 @@ def c_text(x: Expr) -> str:
         named = x.name and (x.name if x.bits == -32 else f"({C_TYPES[x.bits]}){x.name}")
         return named or _literal_text(x.data[0], x.bits)
     text = bare_text(x)
-    return text if text.endswith(")") and text.startswith("esea_") else f"({text})"
+    return text if _is_call(x) or (x.op == "cast" and x.args[0].bits != 1) else f"({text})"
+
+
+def _is_call(x: Expr) -> bool:
+    return x.op not in (*_C, "and", "or", "flags", "cast", "scale", "read", "ref", "literal")
+
+
+def _widened(x: Expr) -> Expr:
+    # C widens a value by itself where the other operand, a parameter or what it becomes is wide; of
+    # a sum or a choice it is written, for the operation must not be taken for a wide one.
+    plain = x.op == "cast" and (x.bits, x.args[0].bits) == (64, 32)
+    return x.args[0] if plain and (x.args[0].op in ("read", "ref") or _is_call(x.args[0])) else x
 
 
 _C = {
@@ -279,7 +290,12 @@ def bare_text(x: Expr) -> str:
     if x.op == "flags":
         parts = (f"esea_bit({bare_text(t)}, {k}u)" for t, k in zip(x.args, x.data, strict=True))
         return " | ".join(parts)
-    a = [c_text(y) for y in x.args]
+    args = x.args
+    if x.op in ("add", "sub", *_COMPARE):  # one wide operand is enough
+        first, second = args
+        plain = _widened(second) is second
+        args = (_widened(first), second) if plain else (first, _widened(second))
+    a = [c_text(y) for y in args]
     if x.op in _C:
         return _C[x.op].format(*a)
     if x.op == "cast":
@@ -287,9 +303,9 @@ def bare_text(x: Expr) -> str:
             return f"{a[0]} ? {_literal_text(1, x.bits)} : {_literal_text(0, x.bits)}"
         return f"({C_TYPES[x.bits]}){a[0]}"
     if x.op == "scale":
-        return f"{a[0]} * {_literal_text(1 << x.data[0], x.bits)}"
+        return f"{c_text(_widened(args[0]))} * {_literal_text(1 << x.data[0], x.bits)}"
     name, extra = _function(x)
-    return f"{name}({', '.join([*(bare_text(y) for y in x.args), *extra])})"
+    return f"{name}({', '.join([*(bare_text(_widened(y)) for y in x.args), *extra])})"
 
 
 def _chain(x: Expr) -> list[str]:
