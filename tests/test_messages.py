@@ -69,7 +69,7 @@ def test_a_tasks_messages_carry_its_ports_in_order(system):
             assert (f.c_type, f.size) == (
                 ("uint32_t", 1) if x.port.whole else ("float", x.port.size)
             )
-            assert bool(f.enum) == bool(x.port.flags)
+            assert bool(f.enum) == bool(x.port.flags or x.port.choices)
         period_ms = task.every * system.base_period_s * 1000
         assert f"(period {period_ms:g} ms)" in given.description
     first = by_name["ESEA_INFO"].id

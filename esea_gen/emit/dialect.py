@@ -30,6 +30,7 @@ from esea_gen.emit.messages import (
     STREAM_WORDS,
     STREAMS,
     ZERO_ROOM_RAD,
+    choices,
     fault_codes,
     messages,
     status_words,
@@ -81,6 +82,7 @@ def dialect_files(renderer: Renderer) -> dict[str, str]:
     own = messages(system)
     context: dict[str, Any] = {
         "messages": own,
+        "choices": choices(system),
         "status_words": status_words(system),
         "states": STATES,
         "roles": board_roles(system),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -43,16 +44,8 @@ class MessageField:
     description: str
     size: int = 1
     units: str = ""  # unit, where MAVLink's schema knows it; else empty
-    enum: str = ""  # enum of a status word's bits, or empty
-
-    @property
-    def bitmask(self) -> bool:
-        return bool(self.enum) and self.enum not in (
-            "ESEA_FAULT",
-            "ESEA_STATE",
-            "ESEA_ZERO",
-            "MAV_RESULT",
-        )
+    enum: str = ""  # enum of its bits or numbers, or empty
+    bitmask: bool = False
 
     @property
     def bytes(self) -> int:
@@ -95,7 +88,10 @@ def _port_field(system: System, external: External) -> MessageField:
     port: Port = external.port
     if port.whole:
         enum = f"ESEA_{system.name}_{external.name}".upper() if port.flags else ""
-        return MessageField("uint32_t", external.name, port_text(port), enum=enum)
+        if port.choices is not None:
+            enum = f"ESEA_{port.choices.__name__}".upper()
+        text = port_text(port)
+        return MessageField("uint32_t", external.name, text, enum=enum, bitmask=bool(port.flags))
     units = port.unit if port.unit in mavlink_units() else ""
     return MessageField("float", external.name, port_text(port), port.size, units)
 
@@ -196,6 +192,12 @@ def messages(system: System) -> tuple[Message, ...]:
                 "Split the task, or leave outputs out of the System.",
             )
     return tuple(found)
+
+
+def choices(system: System) -> tuple[type[IntEnum], ...]:
+    """Choices that messages carry, but faults, which have an enum of their own."""
+    ports = [x.port for x in (*system.inputs, *system.outputs) if not x.port.codes]
+    return tuple(dict.fromkeys(p.choices for p in ports if p.choices is not None))
 
 
 def status_words(system: System) -> tuple[MessageStatus, ...]:
