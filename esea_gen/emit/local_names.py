@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
+from functools import cache
 from typing import Any
 
 from esea_gen.emit.walker import Kernel, status_words, use_counts
 from esea_gen.language.block import Block
 from esea_gen.language.names import KEYWORDS
+from esea_gen.language.ports import UNIT_SUFFIXES
 
 # The functions' own arguments among them.
 _RESERVED = KEYWORDS | {"coeffs", "in", "out", "params", "state"}
@@ -37,6 +40,32 @@ def namer(
 
     labelled = {i: new(name) for i, (name, _) in labels.items()}
     return lambda i: labelled.get(i) or new(others.get(i, f"v{i}"))
+
+
+@cache
+def stem(name: str) -> str:
+    """A quantity's name without its unit."""
+    suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
+    return name[: -len(suffix)] if suffix and suffix != name else name
+
+
+def parts(kernel: Kernel, named: Mapping[int, str]) -> dict[int, str]:
+    """Names of values that one other is made of, and nothing else: by that one's."""
+    uses, root = use_counts(kernel), dict(named)
+    user = {a: i for i, n in enumerate(kernel.nodes) for a in n.args}
+    results = {i for r in kernel.results for i in r}
+    for i in reversed(range(len(kernel.nodes))):
+        single = uses[i] == 1 and i in user and i not in results
+        if i not in named and single and kernel.nodes[i].op not in ("input", "const"):
+            root[i] = root.get(user[i], "")
+    count: Counter[str] = Counter()
+    found = dict(named)
+    for i, name in sorted(root.items()):
+        if name and i not in named:
+            of = stem(name)
+            count[of] += 1
+            found[i] = f"{of}_part_{count[of]}"
+    return found
 
 
 def meanings(

@@ -30,6 +30,8 @@ def cubic_root(k3: float, linear: Any, load: Any, label: Labels | None = None) -
         return ca.SX(load / linear)
     third = to_casadi(ROOT_THIRD, {LINEAR: linear, K3: k3})
     half = to_casadi(ROOT_HALF, {LOAD: load, K3: k3})
+    if label is not None:
+        half = label("root_b_rad3", half, "[root 2] |load| / (2 k3)")
     cube = to_casadi(ROOT_CUBE, {HALF: half, THIRD: third})
     root = ca.power(cube, 1.0 / 3.0)
     ratio = to_casadi(ROOT_RATIO, {THIRD: third, ROOT: root})

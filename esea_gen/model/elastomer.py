@@ -276,9 +276,10 @@ class _TorqueSensor:
             outside = ca.fabs(s.theta_prev_rad) > self.dead_zone
             x = ca.if_else(outside, x, resting if self.tunable else threshold(resting))
         label("x", x, "(3.4) step over time constant")
-        series = 1 + x * (0.5 + x * sixth)
+        series = label("series", 1 + x * (0.5 + x * sixth), "1 + x/2 + x^2/6")
         # One division; kept apart, both factors lie in (0, 1] and every error stays relative.
-        decay = label("decay", 1 / (1 + x * series), "exp(-x), third order")
+        growth = label("growth", 1 + x * series, "exp(x), third order")
+        decay = label("decay", 1 / growth, "exp(-x), third order")
         share = series * decay
         label("share", share, "(1 - exp(-x))/x, third order")
         tau_r: ca.SX = s.tau_r_Nm * decay + p["kv_Nm_rad"] * dtheta * share

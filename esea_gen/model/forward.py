@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import Block, Labels
 from esea_gen.language.ports import Port, around, threshold
 from esea_gen.model.elastomer import torque_sensor
 
@@ -19,6 +20,12 @@ REQUEST_ROOM = 10.0
 def call_named(function: ca.Function, values: Mapping[str, Any]) -> dict[str, ca.SX]:
     results = function.call([ca.SX(values[name]) for name in function.name_in()])
     return dict(zip(function.name_out(), results, strict=True))
+
+
+def name_values(block: Block, prefix: str, values: Mapping[str, ca.SX], label: Labels) -> None:
+    """Give the labelled values of a called step their names in the Block that calls it."""
+    for name, comment in block.labels:
+        label(f"{prefix}_{name}", values[f"label_{name}"], comment)
 
 
 class Forward:

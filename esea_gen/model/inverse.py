@@ -26,7 +26,14 @@ from esea_gen.language.block import Block, Guard, Labels, Solved, StepResult
 from esea_gen.language.ports import Flag, Port, around, clip, flag_word, status_port, threshold
 from esea_gen.model.cubic import cubic_root, root_facts, segment_equations
 from esea_gen.model.elastomer import BEYOND, DEAD_ZONE, K1, K3, TAU_S, THETA, stop_grid
-from esea_gen.model.forward import REQUEST_ROOM, Forward, rate_facts, rate_split, request_port
+from esea_gen.model.forward import (
+    REQUEST_ROOM,
+    Forward,
+    name_values,
+    rate_facts,
+    rate_split,
+    request_port,
+)
 from esea_gen.model.plays import NESTING_ROOM_RAD, STREAMS
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.model.set_rate import SetRate
@@ -159,24 +166,24 @@ class _Exact:
         start = label("start_rad", turn * last, "along the move")
         play = [label(f"turned_{i + 1}_rad", turn * s.play_rad[i]) for i in range(self.stops)]
         load = label("pull_Nm", turn * (request - relaxed))
-        reach, stiff, load = self.rate_clip(start, play, load, slope, turn * relaxed, label)
+        turned = label("turned_request_Nm", turn * request), label("turned_Nm", turn * relaxed)
+        reach, stiff, load = self.rate_clip(start, play, load, slope, turned[1], label)
         linear, constant = self.segment(play, stiff, load, label)
         linear = label("linear_Nm_rad", ca.if_else(primed, linear, self.k1), "a of the segment")
-        constant = label(
-            "load_Nm", ca.if_else(primed, constant, turn * request), "d of the segment"
-        )
+        constant = label("load_Nm", ca.if_else(primed, constant, turned[0]), "d of the segment")
         root = cubic_root(self.k3, linear, constant, label)
         root = label("root_rad", turn * root, "k3 x^3 + a x = d")
-        near = turn * clip(root, -self.theta_high, self.theta_high)
+        near = label("near_rad", turn * clip(root, -self.theta_high, self.theta_high))
         move = label("move_rad", ca.fmin(near - start, reach))
-        rated = turn * relaxed + slope * move
-        better = self.newton(near, play, linear, turn * request, (primed, rated), label)
+        rated = turned[1] + slope * move
+        better = self.newton(near, play, linear, turned[0], (primed, rated), label)
         refined = label("refined_rad", turn * better, "one Newton step")
         solved = self.deflection(refined)
         theta = label(
             "set_point_rad", ca.if_else(guard.inputs_ok, solved, theta_last), "invalid input: hold"
         )
         end = self.forward.step(state, theta, omega)
+        name_values(self.forward.block, "model", end, label)
         tau = end["label_tau_Nm"]
         residual = label("residual_Nm", u.tau_Nm - tau)
         moved = ca.if_else(primed, self.beyond(theta) - last, 0)
@@ -202,7 +209,7 @@ class _Exact:
             ]
         )
         next_state = {p.name: end[f"next_{p.name}"] for p in self.forward.state}
-        next_state |= self.set_rate.advance(c, s, primed, theta)
+        next_state |= self.set_rate.advance(c, s, primed, theta, label)
         next_state["primed"] = ca.logic_or(primed, guard.inputs_ok)
         room = REQUEST_ROOM * self.tau_lim
         outputs = {
@@ -217,9 +224,11 @@ class _Exact:
 
     def play_nested(self, s: Any, label: Labels) -> ca.SX:
         """Whether the play states have a common history; any other were never this model's."""
-        widest = (s.play_rad[0] - self.beyond(s.theta_prev_rad)) ** 2
-        for i in range(1, self.stops):
-            widest = ca.fmax(widest, (s.play_rad[i] - s.play_rad[i - 1]) ** 2)
+        gaps = [s.play_rad[0] - self.beyond(s.theta_prev_rad)]
+        gaps += [s.play_rad[i] - s.play_rad[i - 1] for i in range(1, self.stops)]
+        widest: Any = 0
+        for i, gap in enumerate(gaps):
+            widest = ca.fmax(widest, label(f"gap_{i + 1}_rad2", gap**2)) if i else gap**2
         return label("nested", widest <= self.nesting, "|F_i - F_i-1| <= r_i - r_i-1")
 
     def rate_slope(
@@ -278,6 +287,7 @@ class _Exact:
             held += self.w[i] * self.r[i]
             free -= self.w[i]
             behind = behind - stop[i] if i + 1 < self.stops else ca.SX(0)
+            label(f"behind_{i + 1}_Nm", behind)
             corner = label(f"corner_{i + 1}_rad", play[i] + self.r[i])
             slope = self.k3 * corner * corner + (stiff + max(free, 0.0))
             slope = label(f"corner_{i + 1}_Nm_rad", slope)

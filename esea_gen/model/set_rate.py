@@ -9,8 +9,9 @@ from typing import Any
 import casadi as ca
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.language.block import Labels
 from esea_gen.model.filters import tracking_observer
-from esea_gen.model.forward import call_named
+from esea_gen.model.forward import call_named, name_values
 
 
 class SetRate:
@@ -37,8 +38,11 @@ class SetRate:
     def predict(self, c: Any, s: Any, primed: ca.SX) -> ca.SX:
         return self._step(c, s, primed, 0)["y_omega_mid_rad_s"]
 
-    def advance(self, c: Any, s: Any, primed: ca.SX, theta: ca.SX) -> dict[str, ca.SX]:
+    def advance(
+        self, c: Any, s: Any, primed: ca.SX, theta: ca.SX, label: Labels
+    ) -> dict[str, ca.SX]:
         results = self._step(c, s, primed, theta)
+        name_values(self.block, "observer", results, label)
         return {p.name: results[f"next_{p.name}"] for p in self.state}
 
     def clipped(self, c: Any, s: Any, primed: ca.SX, theta: ca.SX) -> ca.SX:

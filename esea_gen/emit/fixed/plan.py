@@ -13,8 +13,8 @@ import numpy as np
 from esea_gen.emit.checks import coefficient_checks
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.lowering import Kept, Lowering, rewrite
-from esea_gen.emit.fixed.values import FieldPlan, LoweredKernel, Source, best_fraction, stem
-from esea_gen.emit.local_names import meanings
+from esea_gen.emit.fixed.values import FieldPlan, LoweredKernel, Source, best_fraction
+from esea_gen.emit.local_names import meanings, parts, stem
 from esea_gen.emit.printed import field_type
 from esea_gen.emit.spans import Known
 from esea_gen.emit.step_errors import BEYOND
@@ -137,7 +137,8 @@ class Planner:
         self.facts = {node: block.facts[n] for node, n, _ in labels if n in block.facts}
         self.kept = Kept()
         self.known = {room: Known() for room in (0.0, BEYOND)}
-        self.others = meanings(block, "step", self.kernel, stem)
+        others = meanings(block, "step", self.kernel, stem)
+        self.others = parts(self.kernel, others | {i: name for i, (name, _) in self.labels.items()})
         count = len(block.state)
         switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
         out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}

@@ -11,6 +11,7 @@ from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.local_names import stem
 from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.unsigned import chosen_nodes, unsigned_nodes
@@ -22,7 +23,7 @@ from esea_gen.emit.walker import (
     status_words,
     use_counts,
 )
-from esea_gen.language.ports import UNIT_SUFFIXES, Port, Tunable
+from esea_gen.language.ports import Port, Tunable
 
 NARROW_LIMIT = 2**31 - 1
 WIDE_LIMIT = 2**61 - 1  # leaves room for rounding and for the sum of two
@@ -177,12 +178,6 @@ def best_fraction(low: Fraction, high: Fraction, limit: int = NARROW_LIMIT) -> i
     while not (_fits(high, f, limit) and _fits(-low, f, limit + 1)):
         f -= 1
     return min(f, MOST_FRACTION_BITS)
-
-
-@cache
-def stem(name: str) -> str:
-    suffix = max((s for s in UNIT_SUFFIXES if name.endswith(s)), key=len, default="")
-    return name[: -len(suffix)] if suffix and suffix != name else name
 
 
 @cache

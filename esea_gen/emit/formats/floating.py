@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.local_names import meanings, namer
+from esea_gen.emit.local_names import meanings, namer, parts
 from esea_gen.emit.naming import Naming
 from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, number_name
 from esea_gen.emit.unsigned import chosen_nodes, kind_of, unsigned_nodes
@@ -112,9 +112,9 @@ class FloatingFormat(Format):
             return print_kernel(kernel, self, access, {}, others=others, ports=block.state)
         access = self._access([*coefficients, ("state", block.state), ("in", block.inputs)])
         ports = (*block.state, *block.outputs)
-        return print_kernel(
-            kernel, self, access, names or {}, block.flag_results, others, ports=ports
-        )
+        names = names or {}
+        others = parts(kernel, others | {i: name for i, (name, _) in names.items()})
+        return print_kernel(kernel, self, access, names, block.flag_results, others, ports=ports)
 
     def _access(self, groups: list[tuple[str, tuple[Any, ...]]]) -> Access:
         flat = [(pointer, p) for pointer, ports in groups for p in ports]
