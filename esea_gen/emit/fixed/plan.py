@@ -85,12 +85,6 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
     return source
 
 
-def _is_switch(port: Port, kernel: Kernel, result: int) -> bool:
-    # 0 or 1 by construction: a whole number, not a fraction.
-    nodes = [kernel.nodes[i] for i in kernel.results[result]]
-    return (port.low, port.high) == (0.0, 1.0) and all(n.boolean for n in nodes)
-
-
 def _prepare(
     block: Block, params: tuple[FieldPlan, ...]
 ) -> tuple[LoweredKernel | None, tuple[FieldPlan, ...]]:
@@ -120,8 +114,8 @@ def _prepare(
     return made, tuple(fields)
 
 
-def _fields(ports: Iterable[Any], switches: Mapping[str, bool]) -> tuple[FieldPlan, ...]:
-    return tuple(_field(p, 0 if switches.get(p.name) else port_fraction(p)) for p in ports)
+def _fields(ports: Iterable[Any]) -> tuple[FieldPlan, ...]:
+    return tuple(_field(p, port_fraction(p)) for p in ports)
 
 
 class Planner:
@@ -139,10 +133,7 @@ class Planner:
         self.known = {room: Known() for room in (0.0, BEYOND)}
         others = meanings(block, "step", self.kernel, stem)
         self.others = parts(self.kernel, others | {i: name for i, (name, _) in self.labels.items()})
-        count = len(block.state)
-        switches = {p.name: _is_switch(p, self.kernel, k) for k, p in enumerate(block.state)}
-        out = {p.name: _is_switch(p, self.kernel, count + k) for k, p in enumerate(block.outputs)}
-        params = _fields(block.tunables, {})
+        params = _fields(block.tunables)
         self.prepare, made = _prepare(block, params)
         checked = coefficient_checks(block, self.kernel)
         self.checks = frozenset[int]().union(*checked.values())
@@ -150,9 +141,9 @@ class Planner:
         self.fields = {
             "params": params,
             "coeffs": coeffs,
-            "state": _fields(block.state, switches),
-            "in": _fields(block.inputs, {}),
-            "out": _fields(block.outputs, out),
+            "state": _fields(block.state),
+            "in": _fields(block.inputs),
+            "out": _fields(block.outputs),
         }
         init = rewrite(fuse_selects(walk(block.init)))
         lowering = Lowering(init, _sources(("coeffs", coeffs)), block=block.name, ports=block.state)
