@@ -79,7 +79,7 @@ Kind = Literal["zero", "plus", "minus"]
 
 
 @dataclass(frozen=True)
-class Limit:
+class JudgedLimit:
     name: str
     percent: float
     what: str
@@ -98,20 +98,20 @@ class Limit:
 
 
 LIMITS = (
-    Limit(
+    JudgedLimit(
         "zero",
         2.0,
         "|mean| of an unloaded phase",
         "an offset is felt as a constant pull; the model's best published validation is 0.7 %, and "
         "two counts of a 12 bit encoder are 0.9 % of the elbow near zero",
     ),
-    Limit(
+    JudgedLimit(
         "zero return",
         2.0,
         "|unloaded mean after a load less the one before it|",
         "hysteresis and creep that the model does not describe stay behind after unloading",
     ),
-    Limit(
+    JudgedLimit(
         "accuracy",
         0.5,
         "|loaded mean, less the offset of the unloaded ones beside it, less the known load|, which "
@@ -121,7 +121,7 @@ LIMITS = (
         "of 12 bits",
         3.0,
     ),
-    Limit(
+    JudgedLimit(
         "repeatability",
         0.5,
         "largest less smallest error of one direction",
@@ -129,14 +129,14 @@ LIMITS = (
         "minutes apart must do as well",
         2.0,
     ),
-    Limit(
+    JudgedLimit(
         "symmetry",
         0.5,
         "|mean error of one direction less that of the other|",
         "specimens were discarded for asymmetry; a shift of the zero within the rubber shows here",
         3.0,
     ),
-    Limit(
+    JudgedLimit(
         "drift",
         1.0,
         "|change over a recorded phase, along its straight line|",
@@ -144,7 +144,7 @@ LIMITS = (
         "of 12 bits that changes half way makes 1.5 times its torque",
         1.5,
     ),
-    Limit(
+    JudgedLimit(
         "noise",
         2.0,
         "standard deviation about that straight line",
