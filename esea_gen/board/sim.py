@@ -50,11 +50,14 @@ class SimTransport(Transport):
 
 @lru_cache(maxsize=4)
 def _built(
-    device: Device, board: str, control: Mapping[str, str] | None = None
+    device: Device,
+    board: str,
+    control: Mapping[str, str] | None = None,
+    drivers: str | None = None,
 ) -> tuple[bytes, Any]:
     # The library, and what its messages are.
     with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
-        image = build_firmware(device, board, Path(folder), control)
+        image = build_firmware(device, board, Path(folder), control, drivers)
         return image.elf.read_bytes(), load_dialect(device)
 
 
@@ -66,6 +69,7 @@ class SimBoard(Session):
         device: Device,
         control: Mapping[str, str] | None = None,
         board: str = "sim",
+        drivers: str | None = None,
     ) -> None:
         self.device = device
         self._ffi = cffi.FFI()
@@ -74,7 +78,7 @@ class SimBoard(Session):
             "".join(re.findall(r"^\w[\w *]*\bsim_\w+\([^)]*\);\n", source, re.MULTILINE))
         )
         build = _built if control is None else _built.__wrapped__
-        built, dialect = build(device, board, control)
+        built, dialect = build(device, board, control, drivers)
         with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:
             own = Path(folder) / "board.so"  # a file of its own, for memory of its own
             own.write_bytes(built)

@@ -240,6 +240,8 @@ def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> d
     laws: list[str] = []
     for name in controllers:
         over = controller_document(name)
+        if "disturbance" not in document:  # what is missing is the drive, not the rest of it
+            over.pop("disturbance", None)
         laws += over.get("laws", [])
         document = _merged(document, over)
     return document | ({"laws": list(dict.fromkeys(laws))} if laws else {})

@@ -90,16 +90,16 @@ def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
 
 def test_a_known_future_is_that_of_the_intervals_ends():
     # A run at tick 5 holds the measurement of tick 4 and acts from tick 7: its intervals end at
-    # ticks 27, 47 ... 187.  Later than the path is long, the last value holds.
+    # ticks 22, 37 ... 142.  Later than the path is long, the last value holds.
     n = 300
     t = np.arange(n, dtype=float)
     path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 1000, n, True)
     found = previews(path, device_horizon(load_device("elbow_mpc")))
-    ends = np.array([27, 47, 67, 107, 147, 187])
+    ends = np.array([22, 37, 52, 82, 112, 142])
     for tick in (5, 10, 60, 90):
         at = ends + tick - 5
         assert found["tau_preview_Nm"][tick].tolist() == (4 * at).tolist()
         assert found["theta_preview_rad"][tick].tolist() == at.tolist()
         assert found["omega_preview_rad_s"][tick].tolist() == (2 * at).tolist()
-    late = found["theta_preview_rad"][150].tolist()
-    assert late == [172, 192, 212, 252, 292, 299]
+    late = found["theta_preview_rad"][170].tolist()
+    assert late == [187, 202, 217, 247, 277, 299]
