@@ -156,12 +156,13 @@ def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
     alone = tuning(both, loop, 1.0)[1].controller["u_Nm"]
     assert abs(alone[first] - u[first - 12]) > 1.5 * jumps[near].max()
     # Until the first change it is the sliding mode alone, to the bit; the torque follows always.
-    # Alone it would be released after 1 ms; predictive control beside it asks for 2.
+    # Predictive control beside it asks for a release after 2 ms, and for a quicker decay.
     alone_at_2_ms = tmp_path / "smc.toml"
     alone_at_2_ms.write_text(
         'schema = 1\nextends = "elbow_drive"\nname = "smc_2_ms"\ntitle = "Test"\n'
         'laws = ["sliding_mode"]\n[timing]\n'
         'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
+        '[disturbance]\ndecay_s = { value = 0.1, status = "assumed", source = "test" }\n'
     )
     single = run_case(case, Setting(str(alone_at_2_ms), "real", "none", "f32"), 0)
     until = int(1e3 * CHANGE_S[0])

@@ -10,7 +10,6 @@ import pytest
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.control.trend import trend
 from esea_gen.device import load_device
-from esea_gen.devices.file import controller_document
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import fixed_output, tuning
@@ -86,14 +85,9 @@ def test_noise_is_not_taken_for_a_motion():
 def held(tmp_path):
     """The same controller that holds the wanted torque still."""
     text = (
-        'schema = 1\nextends = "elbow_drive"\nname = "mpc_held"\ntitle = "Test"\n'
-        'laws = ["predictive"]\n[timing]\n'
-        'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
-        '[predictive]\nfuture = "held"\n'
+        'schema = 1\nextends = "elbow_drive"\ncontroller = "mpc-no-preview"\nname = "mpc_held"\n'
+        'title = "Test"\n[predictive]\nfuture = "held"\n'
     )
-    for key, value in controller_document("mpc-no-preview")["predictive"].items():
-        if key != "future":
-            text += f'{key} = {{ value = {value["value"]}, status = "assumed", source = "test" }}\n'
     path = tmp_path / "held.toml"
     path.write_text(text)
     return str(path)

@@ -84,7 +84,7 @@ def test_the_prediction_reaches_as_far_as_the_effect(release, ticks):
     device = parse_device(text.replace(line, other), "mine.toml")
     assert 1 + device.system.tasks[-1].release_ticks == ticks
     assert predictive_delay_s(device) == pytest.approx(ticks * 1e-3, abs=1e-12)
-    ends = [ticks * 1e-3 + x for x in (0.02, 0.04, 0.06, 0.1, 0.14, 0.18)]
+    ends = [ticks * 1e-3 + x for x in (0.015, 0.03, 0.045, 0.075, 0.105, 0.135)]
     assert device_horizon(device).ends_s == pytest.approx(ends, abs=1e-12)
 
 
