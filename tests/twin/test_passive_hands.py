@@ -84,7 +84,7 @@ def test_limp_hands_get_nothing_from_a_rendered_spring(controller, asked):
 @pytest.mark.parametrize("mode", [TORQUE, IMPEDANCE])
 @pytest.mark.parametrize("controller", ["smc", "mpc"])
 def test_without_the_block_they_swing_up(controller, bare, mode):
-    assert sum(verdicts(f"{controller}@{bare}", mode, LIMP)) >= 4
+    assert sum(verdicts(f"{controller}@{bare}", mode, LIMP)) >= 3
 
 
 @pytest.mark.ci
