@@ -30,6 +30,7 @@ pytestmark = pytest.mark.ci
 
 BOARD = "netduinoplus2"
 TICKS = 300
+NOTHING = np.float32(np.nan), np.uint32(2**32 - 1)  # a number and a whole one, not measured
 RELEASED_LATER = """schema = 1
 extends = "elbow_drive"
 name = "elbow_later"
@@ -129,12 +130,13 @@ def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, drive_image, tmp_p
     assert untold(sense) + untold(control, 5) <= clock.dropped
     assert clock.lost_ticks == clock.late_runs == clock.missed_runs == 0
     roles = board_roles(elbow_drive.system)
+    nothing = {x.name: NOTHING[x.port.whole] for x in roles.measured}
     for m in given:
-        assert all(np.isnan(getattr(m, x.name)) for x in roles.measured)
+        assert all(np.array_equal(getattr(m, n), x, True) for n, x in nothing.items())
         assert (m.mode, m.stop, m.rearm) == (0, 1, 0)
     # The host's library, given that from tick 0 on, with encoders that have no zero.
     ticks = max(sense[-1].sequence, control[-1].sequence) + 1
-    inputs = {x.name: np.full(ticks, np.nan, np.float32) for x in roles.measured}
+    inputs = {n: np.full(ticks, x) for n, x in nothing.items()}
     inputs |= {n: np.full(ticks, float(n == "stop"), np.float32) for n in roles.wanted_names}
     unzeroed = {e.instance: {"zeroed": 0.0} for e in roles.encoders}
     library = compile_device(elbow_drive, image.real)
