@@ -26,7 +26,7 @@ from tests.conftest import require_tool
 pytestmark = pytest.mark.ci
 
 # Sides that no input can take, per Block, in f32.  None of the others has any.
-IMPOSSIBLE = {"encoder": 5, "sensor": 4, "inverse": 21, "torque_lead": 1, "passivity": 4}
+IMPOSSIBLE = {"encoder": 3, "sensor": 4, "inverse": 21, "torque_lead": 1, "passivity": 4}
 IMPOSSIBLE |= {"limits": 1}
 BLOCKS = [
     *("encoder", "joint", "velocity", "sensor", "rate"),
