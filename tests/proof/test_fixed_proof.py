@@ -210,9 +210,8 @@ def test_the_mean_square_of_the_speed_fits():
     folder = Path(__file__).parents[2] / "generated" / "elbow_drive" / "q31"
     text = (folder / "esea_elbow_drive_passivity.c").read_text()
     found = re.search(
-        r"const int64_t (\w+) = \(\(\(int64_t\)v\d+_q22\) \* INT64_C\(2\)\)\s*"
-        r"- \(\(int64_t\)square_rad2_s2_used_q23\);\s*"
-        r"const int32_t \w+ = \(int32_t\)esea_q63_mul_q31\(\1, (\d+), (\d+)\);",
+        r"const int64_t (\w+) = \(\w+_q22 \* INT64_C\(2\)\)\s*- square_rad2_s2_used_q23;\s*"
+        r"const int32_t \w+ = \(int32_t\)esea_q63_mul_q31\(\1,\s*(\d+), (\d+)\);",
         text,
     )
     assert found
