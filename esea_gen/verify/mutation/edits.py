@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from esea_gen.emit.elementary import EXPONENT_FRACTION_BITS, exponent_q27
 from esea_gen.emit.formats.base import Format
-from esea_gen.emit.walker import SELECTING, Kernel, Node
+from esea_gen.emit.walker import COMPARING, SELECTING, Kernel, Node
 
 # What stands instead of an operation: kind, operation, whether its operands change places.
 SWAPS: dict[str, tuple[tuple[str, str, bool], ...]] = {
@@ -76,11 +76,11 @@ def _constant(value: float) -> Node:
     return Node("const", value=float(value))
 
 
-def _other_constants(value: float, fmt: Format) -> Iterator[tuple[str, float]]:
+def _other_constants(value: float, fmt: Format, whole: bool = False) -> Iterator[tuple[str, float]]:
     kind = fmt.dtype.type
     c = kind(value)
-    if c == 0:
-        yield "constant off by one", 1.0
+    if c == 0 or whole:  # of whole numbers, less would change nothing
+        yield "constant off by one", float(c + 1)
         return
     yield "constant off by 1 %", float(c * kind(1.01))
     yield "constant off by 1 ulp", float(np.nextafter(c, np.copysign(kind(np.inf), c)))
@@ -94,9 +94,10 @@ def _other_exponents(value: float) -> Iterator[tuple[str, float]]:
     yield "exponent off by 2^-27", (raw + 1) * 2.0**-EXPONENT_FRACTION_BITS
 
 
-def _constants(kernel: Kernel, i: int, fmt: Format) -> Iterator[Edit]:
+def _constants(kernel: Kernel, i: int, fmt: Format, whole: Collection[int]) -> Iterator[Edit]:
     # Each use of a constant by itself.
     n = kernel.nodes[i]
+    counts = n.op in COMPARING and all(a in whole or kernel.nodes[a].op == "const" for a in n.args)
     arms = [kernel.nodes[a] for a in n.args[1:]] if n.op in SELECTING else []
     chosen = bool(arms) and all(a.op == "const" for a in arms)
     for position, a in enumerate(n.args):
@@ -108,7 +109,7 @@ def _constants(kernel: Kernel, i: int, fmt: Format) -> Iterator[Edit]:
         elif n.op == "pow" and position == 1 and not fmt.needs_libm:
             others = _other_exponents(c.value)
         else:
-            others = _other_constants(c.value, fmt)
+            others = _other_constants(c.value, fmt, counts)
         args = tuple(~0 if k == position else b for k, b in enumerate(n.args))
         for kind, value in others:
             if np.isfinite(fmt.dtype.type(value)):
@@ -159,9 +160,13 @@ def _words(kernel: Kernel, words: Sequence[int]) -> set[int]:
 
 
 def kernel_edits(
-    kernel: Kernel, fmt: Format, groups: Sequence[Elements], words: Sequence[int] = ()
+    kernel: Kernel,
+    fmt: Format,
+    groups: Sequence[Elements],
+    words: Sequence[int] = (),
+    whole: Collection[int] = (),
 ) -> Iterator[Edit]:
-    """Every fault of a kernel."""
+    """Every fault of a kernel, of whose values some are whole numbers."""
     parts = _words(kernel, words)
     conditions = sorted({n.args[0] for n in kernel.nodes if n.op in SELECTING})
     following = {e: g[(k + 1) % len(g)] for g in groups if len(g) > 1 for k, e in enumerate(g)}
@@ -186,7 +191,7 @@ def kernel_edits(
             yield Edit(DROPS[n.op], i, n.args[0])
         if n.op in SELECTING:
             yield from _selects(kernel, i, conditions)
-        yield from _constants(kernel, i, fmt)
+        yield from _constants(kernel, i, fmt, whole)
         yield from _implied_constants(n, i, fmt)
         if not n.boolean and n.op != "neg" and i not in parts:
             yield Edit("result negated", i, Node("neg", (~0,)), (n,))

@@ -16,6 +16,7 @@ from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.formats.floating import FloatingFormat
 from esea_gen.emit.program_c import emit_program
 from esea_gen.emit.render import COUNTER, Renderer
+from esea_gen.emit.unsigned import unsigned_nodes
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.builder import array_name
@@ -80,11 +81,20 @@ def _edited(
     return renderer.render(emitted.template, e=emitted)
 
 
+def _whole(block: Block, kernel: Kernel) -> set[int]:
+    # What a step compares as whole numbers: those it computes, and flags as they come.
+    given = (*block.coefficients, *block.state, *block.inputs)
+    inputs = {i: given[n.source[0]] for i, n in enumerate(kernel.nodes) if n.op == "input"}
+    computed = unsigned_nodes(kernel, given.__getitem__, (*block.state, *block.outputs))
+    return computed | {i for i, p in inputs.items() if p.whole}
+
+
 def _kernel_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
     for function in ("prepare", "init", "step") if block.tunables else ("init", "step"):
         kernel, labels = _block_kernel(block, function, fmt)
         words = block.flag_results if function == "step" else ()
-        for edit in kernel_edits(kernel, fmt, _groups(block, function), words):
+        whole = _whole(block, kernel) if function == "step" else ()
+        for edit in kernel_edits(kernel, fmt, _groups(block, function), words, whole):
             place = describe(kernel, {i: name for i, (name, _) in labels.items()}, edit)
             text = partial(_edited, block, function, kernel, labels, edit)
             yield Mutant(file, function, edit.kind, place, block, text, kernel, edit)
