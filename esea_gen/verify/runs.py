@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import cffi
 import numpy as np
 
 from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.files import template_folder
-from esea_gen.hostlib.codec import Field
 from esea_gen.hostlib.compiler import compile_sources
 from esea_gen.hostlib.library import CRunner
 from esea_gen.language.block import Block
@@ -218,12 +217,11 @@ def not_finite(ports: Iterable[Port], values: Mapping[str, Array]) -> list[str]:
 
 
 def _put_coefficients(runner: CRunner, prepared: list[bytes], values: Mapping[str, Array]) -> None:
-    ports = {p.name: p for p in cast(Block, runner.owner).coefficients}
-    for held, before in zip(runner._coeffs, prepared, strict=True):
-        runner.library.ffi.buffer(held)[:] = before
+    dtype = runner.library.dtype(f"{runner.stem}_coeffs_t")
+    for held, before in zip(map(runner.library.ffi.buffer, runner._coeffs), prepared, strict=True):
+        held[:] = before
         for name, value in values.items():
-            elements = np.ravel(Field(name, ports[name]).encode(value)).tolist()
-            setattr(held, name, elements if len(elements) > 1 else elements[0])
+            np.frombuffer(held, dtype)[name] = value
 
 
 def _segments(stream: Stream) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +94,7 @@ def _other_exponents(value: float) -> Iterator[tuple[str, float]]:
     yield "exponent off by 2^-27", (raw + 1) * 2.0**-EXPONENT_FRACTION_BITS
 
 
-def _constants(kernel: Kernel, i: int, fmt: Format, whole: Collection[int]) -> Iterator[Edit]:
+def _constants(kernel: Kernel, i: int, fmt: Format, whole: set[int]) -> Iterator[Edit]:
     # Each use of a constant by itself.
     n = kernel.nodes[i]
     counts = n.op in COMPARING and all(a in whole or kernel.nodes[a].op == "const" for a in n.args)
@@ -160,11 +160,7 @@ def _words(kernel: Kernel, words: Sequence[int]) -> set[int]:
 
 
 def kernel_edits(
-    kernel: Kernel,
-    fmt: Format,
-    groups: Sequence[Elements],
-    words: Sequence[int] = (),
-    whole: Collection[int] = (),
+    kernel: Kernel, fmt: Format, groups: Sequence[Elements], words: Sequence[int], whole: set[int]
 ) -> Iterator[Edit]:
     """Every fault of a kernel, of whose values some are whole numbers."""
     parts = _words(kernel, words)

@@ -63,11 +63,8 @@ def _elements(ports: Sequence[Any], first: int = 0) -> Elements:
 def _groups(block: Block, function: str) -> list[Elements]:
     if function != "step":
         return [_elements(block.tunables if function == "prepare" else block.coefficients)]
-    groups, first = [], 0
-    for ports in (block.coefficients, block.state, block.inputs):
-        groups.append(_elements(ports, first))
-        first += len(ports)
-    return groups
+    c, s = block.coefficients, block.state
+    return [_elements(c), _elements(s, len(c)), _elements(block.inputs, len(c) + len(s))]
 
 
 def _edited(
@@ -84,16 +81,16 @@ def _edited(
 def _whole(block: Block, kernel: Kernel) -> set[int]:
     # What a step compares as whole numbers: those it computes, and flags as they come.
     given = (*block.coefficients, *block.state, *block.inputs)
-    inputs = {i: given[n.source[0]] for i, n in enumerate(kernel.nodes) if n.op == "input"}
-    computed = unsigned_nodes(kernel, given.__getitem__, (*block.state, *block.outputs))
-    return computed | {i for i, p in inputs.items() if p.whole}
+    inputs = (i for i, n in enumerate(kernel.nodes) if n.op == "input")
+    flags = {i for i in inputs if given[kernel.nodes[i].source[0]].whole}
+    return flags | unsigned_nodes(kernel, given.__getitem__, (*block.state, *block.outputs))
 
 
 def _kernel_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
     for function in ("prepare", "init", "step") if block.tunables else ("init", "step"):
         kernel, labels = _block_kernel(block, function, fmt)
         words = block.flag_results if function == "step" else ()
-        whole = _whole(block, kernel) if function == "step" else ()
+        whole = _whole(block, kernel) if function == "step" else set()
         for edit in kernel_edits(kernel, fmt, _groups(block, function), words, whole):
             place = describe(kernel, {i: name for i, (name, _) in labels.items()}, edit)
             text = partial(_edited, block, function, kernel, labels, edit)
@@ -186,7 +183,7 @@ def _program_mutants(program: Program, file: str, fmt: Format) -> Iterator[Mutan
         kernel = fmt.passes(walk(function))
         sizes = [function.numel_in(k) for k in range(function.n_in())]
         group = [(k, e) for k, size in enumerate(sizes) for e in range(size)]
-        for edit in kernel_edits(kernel, fmt, [group], sorted(words[id(function)])):
+        for edit in kernel_edits(kernel, fmt, [group], sorted(words[id(function)]), set()):
             place = describe(kernel, {}, edit)
             text = partial(_with_kernel, program, function, kernel, edit)
             yield Mutant(file, name, edit.kind, place, program, text, kernel, edit)
