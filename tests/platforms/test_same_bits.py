@@ -182,12 +182,15 @@ def test_one_fmu_for_five_platforms(folder):
     path = folder / "drive.fmu"
     path.write_bytes(made.packed())
     token = check_fmu(path)["token"]
-    inputs, outputs = ([v for v in model.of(r) if not v.whole] for r in ("input", "output"))
+    outputs = [v for v in model.of("output") if not v.whole]
+    counts = [v for v in model.of("input") if v.name.startswith("count_")]
+    inputs = [v for v in model.of("input") if not v.whole] + counts
     rng = np.random.default_rng(3)
     ends = [(max(v.low, -1e3), min(v.high, 1e3)) for v in inputs]
-    given = np.cumsum(rng.normal(0, 0.01, (500, len(inputs))), axis=0)
-    given = np.clip(given, *np.array(ends).T).tobytes()
-    words = [f"i{v.reference}" for v in inputs] + [f"o{v.reference}" for v in outputs]
+    walk = np.cumsum(rng.normal(0, [1.0 if v.whole else 0.01 for v in inputs], (500, len(ends))), 0)
+    given = np.clip(walk, *np.array(ends).T).tobytes()  # of a count, its whole part is taken
+    words = [f"{'iw'[v.whole]}{v.reference}" for v in inputs]
+    words += [f"o{v.reference}" for v in outputs]
     said = {}
     for where in ("zig", "windows"):
         platform = PLATFORMS[WHERE[where][0]]
