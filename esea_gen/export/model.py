@@ -204,16 +204,16 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     content = content_hash(system, digest, title, [fmt])
     command = f"esea-gen export fmu {variant.device.name} --plant NAME"
     renderer = Renderer(system, fmt, content, command, title)
-    move, encode = system.tasks
-    angle = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])
+    move, encode = system.tasks  # encode gives counts: whole, as the controller takes them
+    at = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])
     about = "angle of all bodies at the start, at rest"
-    ends = angle.low, angle.high
-    start = ModelVariable("start_rad", 0, "fixed", False, 0.0, *ends, "rad", about, "")
+    start = ModelVariable("start_rad", 0, "fixed", False, 0.0, at.low, at.high, "rad", about, "")
     found = _numbered(
         _ports("input", "move", system.task_inputs(move)),
         *(_tunables(f"{i}.", b.tunables, variant.values) for i, b in system.blocks.items()),
         [start],
-        *(_ports("output", task.name, system.task_outputs(task)) for task in system.tasks),
+        _ports("output", "move", system.task_outputs(move)),
+        (replace(v, whole=True) for v in _ports("output", "encode", system.task_outputs(encode))),
     )
     state = next(p for p in system.blocks["plant"].state if p.name == "theta_rad")
     return ExportedModel(
