@@ -1,5 +1,5 @@
-/* Steps an FMU of FMI 3.0: LIBRARY TOKEN TICK_S and value references: of inputs i,
- * of whole inputs w, after them, of outputs o; rows of doubles in, rows of doubles out. */
+/* Steps an FMU of FMI 3.0: LIBRARY TOKEN TICK_S and value references: of inputs i, then
+ * of whole inputs w, of outputs o; rows of doubles in, of which whole inputs take the whole part, and out. */
 #include <stdio.h>
 #include <stdlib.h>
 #include "fmi3FunctionTypes.h"
@@ -28,17 +28,14 @@ int main(int argc, char **argv)
     _setmode(0, _O_BINARY), _setmode(1, _O_BINARY);
 #endif
     for (k = 4; k < argc; ++k)
-        if (argv[k][0] == 'o')
-            out[outputs++] = (unsigned)atoi(argv[k] + 1);
-        else
-            in[argv[k][0] == 'i' ? inputs++ : inputs + wholes++] = (unsigned)atoi(argv[k] + 1);
+        *(argv[k][0] == 'i' ? &in[inputs++] : argv[k][0] == 'w' ? &in[inputs + wholes++] : &out[outputs++]) =
+            (unsigned)atoi(argv[k] + 1);
     one = CALL(InstantiateCoSimulation)("one", argv[2], "", 0, 0, 0, 0, NULL, 0, NULL, NULL, NULL);
     if (!one || CALL(EnterInitializationMode)(one, 0, 0, 0, 0, 0) != fmi3OK)
         return 3;
     CALL(ExitInitializationMode)(one);
     for (k = 0; fread(x, sizeof *x, (size_t)(inputs + wholes), stdin) == (size_t)(inputs + wholes); ++k) {
         const double tick_s = atof(argv[3]);
-
         for (j = 0; j < wholes; ++j)
             whole[j] = (fmi3UInt32)x[inputs + j];
         if (CALL(SetFloat64)(one, in, (size_t)inputs, x, (size_t)inputs) != fmi3OK ||

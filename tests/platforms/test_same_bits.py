@@ -185,12 +185,10 @@ def test_one_fmu_for_five_platforms(folder):
     outputs = [v for v in model.of("output") if not v.whole]
     counts = [v for v in model.of("input") if v.name.startswith("count_")]
     inputs = [v for v in model.of("input") if not v.whole] + counts
-    rng = np.random.default_rng(3)
     ends = [(max(v.low, -1e3), min(v.high, 1e3)) for v in inputs]
-    walk = np.cumsum(rng.normal(0, [1.0 if v.whole else 0.01 for v in inputs], (500, len(ends))), 0)
-    given = np.clip(walk, *np.array(ends).T).tobytes()  # of a count, its whole part is taken
-    words = [f"{'iw'[v.whole]}{v.reference}" for v in inputs]
-    words += [f"o{v.reference}" for v in outputs]
+    walk = np.random.default_rng(3).normal(0, [0.01 + v.whole for v in inputs], (500, len(inputs)))
+    given = np.clip(np.cumsum(walk, axis=0), *np.array(ends).T).tobytes()
+    words = [f"{'iw'[v.whole]}{v.reference}" for v in inputs] + [f"o{v.reference}" for v in outputs]
     said = {}
     for where in ("zig", "windows"):
         platform = PLATFORMS[WHERE[where][0]]
