@@ -31,7 +31,7 @@ run: setup-run
 
 test: setup
 	@$(MAKE) --no-print-directory -j 2 style check
-	@$(BIN)/python -m pytest -n 3 --dist loadfile
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Other examples at each run; SEED=n repeats one, TESTS=tests/twin/test_plant.py narrows it.
 search: setup
@@ -60,7 +60,7 @@ fuzz: setup
 
 # What takes longer than a change should wait for, and a fixed sample of the slow tests: CI runs it.
 test-ci: setup
-	@$(BIN)/python -m pytest -n 3 --dist loadfile -m "ci and not slow or slow_sample"
+	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "ci and not slow or slow_sample"
 
 # Other systems, as far as this one can stand in for them: docs/install.md.
 test-platforms: setup
