@@ -45,7 +45,7 @@ MUSCLE_SMOOTHS = 0.2494
 RESISTS_NMS_RAD = 0.05  # steps of a device's reckoned damping: fewer gains to solve
 # Squared speed, summed over a trial, below which it tells little of what resists; assumed.
 FEW_RAD2_S2 = 4.0
-MOST_LAG = 50
+MOST_LAG = 50  # frames that are kept, for estimates that come late
 END_RAD = math.radians(5.0)  # nearer to the end of the own range, nothing is learnt of a device
 DISCOUNT_S = 2.0  # assumed
 # Assumed: torque from outside and speed of a target drift by so much in the root of a second.
@@ -239,11 +239,8 @@ class AxisController:
     def _get_used(self) -> None:
         # Of the torque from outside, what goes with the speed at the same place is damping of the
         # device.  Only ways there and back tell it from a wall, so that whole trials are compared.
-        told, torque = (
-            self._sums[:4, :4] + np.diag([1e-6, 1e-6, 1e-6, FEW_RAD2_S2]),
-            self._sums[:4, 4],
-        )
-        more = -self.model.gain_rate * float(np.linalg.solve(told, torque)[3])
+        told = self._sums[:4, :4] + np.diag([1e-6, 1e-6, 1e-6, FEW_RAD2_S2])
+        more = -self.model.gain_rate * float(np.linalg.solve(told, self._sums[:4, 4])[3])
         self.resists_Nms_rad[self._state] = max(self.resists_Nms_rad[self._state] + more, 0.0)
         self._sums[:] = 0.0
 
