@@ -158,7 +158,7 @@ def test_what_a_fault_does_is_within_the_pages_table(some):
     rows = page_rows("fault-injection.md", "encoder-faults")
     for row, person, seed, law in some:
         fault = asdict(everyone.board_fault(row, gear_ratio))
-        case = {"controller": law, "person": person, "ticks": (everyone.WATCHED, everyone.RUN_OUT)}
+        case = {"controller": law, "person": person, "ticks": (everyone.WATCHED, 100)}
         felt = everyone.felt_by("elbow_drive", seed=seed, halts=False, fault=fault, **case)
         column = person if law == BEST_CONTROLLER else f"`{law}`, most"
         most = rows[row].get(column, rows[row]["most"])

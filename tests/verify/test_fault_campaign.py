@@ -186,12 +186,7 @@ def test_two_thousand_faults():
     require_tool("gcc")
     made = campaign.fault_campaign("elbow_drive", workers=2)
     assert len(made.runs) == 2000
-    (known,) = made.outside  # docs/monitors.md
-    assert (known.input, known.person, known.torque_then_Nm < 8.1) == (
-        "count_load",
-        "120 Nm/rad",
-        True,
-    )
+    assert made.outside == []
     assert {r.person for r in made.runs} == set(SUBJECTS)
 
 

@@ -20,7 +20,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.plotting import BOUND, INK, STYLE
-from esea_gen.verify.faults.bounds import RUN_OUT, LimbEnvelope, bound_ticks, envelope
+from esea_gen.verify.faults.bounds import FOLLOWS, RUN_OUT, LimbEnvelope, bound_ticks, envelope
 from esea_gen.verify.faults.driven import DrivenRig, below_the_inputs, driver_faults
 from esea_gen.verify.faults.emulated import EmulatedFault, emulated_sample
 from esea_gen.verify.faults.kinds import INPUT_KINDS, BoardFault, all_faults, words
@@ -295,8 +295,8 @@ def _judged(
         values[k] for k in ("torque_then_Nm", "peak_torque_Nm", "energy_J")
     )
     in_time = bound is None or (found is not None and found <= bound)
-    most_Nm = limits.torque_Nm * RUN_OUT[case["person"]]
-    gentle = then_Nm <= limits.torque_Nm and peak_Nm <= most_Nm
+    follows, run_out = (limits.torque_Nm * of[case["person"]] for of in (FOLLOWS, RUN_OUT))
+    gentle = then_Nm <= follows and peak_Nm <= run_out
     return FaultRun(
         input=fault.input,
         kind=fault.kind,

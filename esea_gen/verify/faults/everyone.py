@@ -22,6 +22,7 @@ from esea_gen.errors import UserError
 from esea_gen.verify.faults.campaign import felt_in, loaded
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import (
+    AFTER,
     IMPEDANCE,
     OPERATOR,
     REACTS,
@@ -34,9 +35,9 @@ from esea_gen.verify.faults.subjects import CLAMPED, LIMP, MOST_NM, SUBJECTS
 
 SEEDS = 20
 ENCODERS, STOPS = "encoders", "stops"
-ANY = "largest"  # the row of all rows
-# Ticks after a fault; after it was found; after a stop has switched the motor off.
-WATCHED, RUN_OUT, STOP_WATCHED = 3000, 100, 1500
+ANY, RUN_OUT = "largest", "largest, motor off"  # rows of all rows
+# Ticks after a fault, and after a stop has switched the motor off.
+WATCHED, STOP_WATCHED = 3000, 1500
 SIDES = ("load", "motor", "both", "gear")
 # Rad, rad/s, and what a gain multiplies.
 FAULTS = (
@@ -45,7 +46,7 @@ FAULTS = (
     *(f"slip:load={x}" for x in (0.05, -0.05, 0.0838, -0.0838, 0.3, -0.3)),
     *(f"slip:{side}={x}" for side in ("motor", "both") for x in (0.0838, -0.0838)),
     *(f"slip:gear={x}" for x in (0.03, -0.03)),
-    *(f"drift:load={x}" for x in (0.02, -0.02, 0.05, -0.05, 0.5, -0.5)),
+    *(f"drift:load={x}" for x in (0.02, -0.02, 0.05, -0.05, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0)),
     *(f"drift:{side}={x}" for side in SIDES[1:] for x in (0.05, -0.05)),
 )
 KINDS = {"slip": "jump", "drift": "ramp"}  # what the rig calls them, by shares of a turn
@@ -86,7 +87,7 @@ def felt_by(
 def _encoder_cases(device: Device) -> dict[Column, dict[str, Any]]:
     assert device.file.actuator is not None
     ratio = device.file.actuator.gear_ratio.value
-    how = {"halts": False, "ticks": (WATCHED, RUN_OUT)}
+    how = {"halts": False, "ticks": (WATCHED, AFTER)}
     return {
         (text, person): {"fault": asdict(board_fault(text, ratio)), "person": person} | how
         for text in FAULTS
@@ -204,8 +205,10 @@ def people_table(
         row, column = list(made)[k % len(made)]
         law = names[k // (seeds * len(made))]
         rows.setdefault(row, []).append((column, law, result.values))
-    key = "torque_then_Nm" if what == ENCODERS else "peak_torque_Nm"
-    rows = {ANY: [run for of in rows.values() for run in of]} | rows
-    people = [_row(name, key, runs) for name, runs in rows.items()]
+    peak = "peak_torque_Nm"
+    key = "torque_then_Nm" if what == ENCODERS else peak
+    every = [run for of in rows.values() for run in of]
+    people = [_row(name, key, runs) for name, runs in ({ANY: every} | rows).items()]
     people.sort(key=lambda r: -max(r["most_Nm"].values()))
+    people += [_row(RUN_OUT, peak, every)] if what == ENCODERS else []
     return PeopleTable(device.name, names, seeds, what, people)

@@ -33,7 +33,7 @@ from esea_gen.verify.faults.subjects import (
 
 WANTED_EVERY = 10  # ticks from one of the host's commands to the next
 ZERO_AT, ARM_AT, ACTIVE_AT = 20, 260, 264
-EARLIEST, LATEST = 900, 1700  # of the fault: in motion, in any phase
+EARLIEST, LATEST = 900, 2900  # of the fault: a period of the slower motion
 LIMP_LATEST = 1200  # later on a limp arm may have swung out of its range
 AFTER = 800  # ticks
 _, TORQUE, IMPEDANCE = map(float, Mode)

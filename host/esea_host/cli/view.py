@@ -140,7 +140,7 @@ def demo(
     v = done.verdict
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("Every bit matches the C." if v.same else "NOT THE SAME: esea-host replay --verify")
-    out.print(f"{done.report}: simulated torque error {done.rms_error_Nm:.3f} Nm rms")
+    out.print(f"{done.report}: simulated {done.error}")
     named = zip(ROUGH_HEADS, rough_cells(done.roughness), strict=True)
     out.print("roughness: " + ", ".join(f"{head} {cell}" for head, cell in named))
     if done.fault:

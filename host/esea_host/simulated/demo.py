@@ -34,6 +34,10 @@ class Demo:
     roughness: dict[str, float]  # likewise
     fault: str = ""  # that the board latched
 
+    @property
+    def error(self) -> str:
+        return _error(self.rms_error_Nm)
+
 
 def run_demo(
     device: str | SimulatedBoard,
@@ -77,6 +81,11 @@ def run_demo(
     return Demo(target, report, verdict, error_Nm, rough, latched)
 
 
+def _error(rms_Nm: float) -> str:
+    known = f"{rms_Nm:.3f} Nm rms"
+    return f"torque error {'of less than a cycle not judged' if math.isnan(rms_Nm) else known}"
+
+
 def _follow(device: LockstepDevice, seconds: float) -> str:
     # The fault that the board has latched in the end, or nothing.
     device.advance(SETTLE_S)
@@ -117,7 +126,6 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
     twist_deg, joint_deg = np.degrees(theta_rad), np.degrees(load_rad)
     judged = on & (t_s > t_s[on][0] + 1 / WANTED_HZ if on.any() else on)
     error_Nm = (tau_Nm - desired_Nm)[judged]
-    # Nothing is judged of a torque that was asked for during less than a cycle.
     rms_Nm, rough = float("nan"), dict.fromkeys(ROUGHNESS, float("nan"))
     if judged.any():
         limits = np.asarray(last[of_axis("limits_status", axis)])[judged]
@@ -137,7 +145,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
             (loop, twist_deg, tau_Nm, MEASURED, 0.7, "torque"),
         ):
             panel.plot(x, y, color=colour, lw=width, label=label)
-        title = f"Torque {axis}; error {rms_Nm:.3f} Nm rms".replace(" ;", ";")
+        title = f"Torque {axis}; {_error(rms_Nm)}".replace(" ;", ";")
         torque.set(ylabel="torque [Nm]", title=title)
         torque.legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))  # beside the title
         joint.set_ylabel("joint [deg]", color=BOUND)
