@@ -12,7 +12,7 @@ from esea_gen.errors import UserError
 from esea_gen.model.encoder import HELD_MAX
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import WANTED_EVERY
-from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP, SUBJECTS
+from esea_gen.verify.faults.subjects import CLAMPED, COMMON, LIMP
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class LimbEnvelope:
 # Shares of the trip, by person, above what a search for the worst fault found: a load-side encoder
 # that drifts at 1 to 4 rad/s while the person turns back and moves on (clamped: a controller stuck
 # at full torque, docs/fault-injection.md).  Until the motor is off, and after.
-FOLLOWS = dict.fromkeys(SUBJECTS, 1.0)
-FOLLOWS |= dict.fromkeys(("30 Nm/rad", "60 Nm/rad", "120 Nm/rad", "250 Nm/rad"), 1.4)
+FOLLOWS = {LIMP: 1.0, COMMON: 1.0, "30 Nm/rad": 1.2, "60 Nm/rad": 1.2, CLAMPED: 1.2}
+FOLLOWS |= {"120 Nm/rad": 1.4, "250 Nm/rad": 1.4}
 RUN_OUT = {LIMP: 1.65, COMMON: 1.65, "30 Nm/rad": 2.2, "60 Nm/rad": 3.0, "120 Nm/rad": 3.6}
 RUN_OUT |= {"250 Nm/rad": 4.5, CLAMPED: 4.5}
 
