@@ -248,7 +248,7 @@ def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"
-        raise UserError(f"{path}: holds {holds}; wanted is {known}.", make)
+        raise UserError(f"{path} has {holds}; expected: {known}.", make)
     if content.get("schema_version") != SCHEMA_VERSION:
         raise UserError(
             f"{path}: is of version {content.get('schema_version')} of its schema; read is "

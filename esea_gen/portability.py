@@ -204,7 +204,7 @@ def raw_terminal(path: str | Path) -> int:
     except BaseException as error:
         os.close(handle)
         if isinstance(error, termios.error):
-            raise OSError(errno.ENOTTY, f"it is no terminal: {error.args[1]}") from None
+            raise OSError(errno.ENOTTY, f"it is not a terminal: {error.args[1]}") from None
         raise
     return handle
 

@@ -24,7 +24,7 @@ def import_file(path: Path, content: bytes | None = None) -> ModuleType:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None:
-        raise UserError(f"{path}: is no Python file.", "Write FILE.py:name.")
+        raise UserError(f"{path}: is not a Python file.", "Write FILE.py:name.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:

@@ -74,7 +74,7 @@ def this_platform() -> Platform:
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(m := platform.machine().lower(), m)
     name = f"{machine}-{'windows' if sys.platform == 'win32' else sys.platform}"
     if name not in PLATFORMS:
-        raise UserError(f"{name} is none of {', '.join(PLATFORMS)}.", "Take a computer that is.")
+        raise UserError(f"{name} is not one of {', '.join(PLATFORMS)}.", "Use one of these.")
     return PLATFORMS[name]
 
 

@@ -64,7 +64,7 @@ def must_be_trusted(codes: Iterable[TaskCode], how: str = "add:") -> None:
         listed = "; ".join(f"{c.path}, SHA-256 {c.sha256}" for c in new)
         options = " ".join(f"--trust {c.sha256}" for c in new)
         raise UserError(
-            f"Code that has not been trusted; none of it was run: {listed}.",
+            f"Code that has not been trusted; it was not run: {listed}.",
             f"Read it. To run it from now on, {how} {options}",
         )
 
@@ -79,7 +79,7 @@ def trust(hashes: Iterable[str]) -> None:
     new = {h.lower() for h in hashes}
     for text in sorted(new):
         if not re.fullmatch("[0-9a-f]{64}", text):
-            raise UserError(f"--trust {text}: no SHA-256.", "Give the 64 digits that were shown.")
+            raise UserError(f"--trust {text} is not a SHA-256.", "Give the 64 digits shown.")
     if not new <= (kept := _kept()):
         write_whole(_file(), "".join(f"{h}\n" for h in sorted(kept | new)))
 

@@ -34,7 +34,7 @@ def read_number(text: str, low: float = -math.inf, high: float = math.inf, unit:
         fix = f"Enter digits and at most one decimal point: {limits}."
         if _GROUPED.fullmatch(typed):
             fix = f"Write it without digit grouping, such as 1234.5; enter {limits}."
-        raise UserError(f"'{shown}' is no number.", fix)
+        raise UserError(f"'{shown}' is not a number.", fix)
     value = float(typed.replace(",", ".").replace("\u2212", "-"))
     if not low <= value <= high or math.isinf(value):
         raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")

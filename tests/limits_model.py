@@ -125,7 +125,7 @@ class PlainLimits:
     def step(self, **x: float) -> dict:
         n = self.n
         self.tick += 1
-        # A flag, a count or a choice that is no whole number is none.
+        # A flag, a count or a choice that is not a whole number is none.
         x |= {k: np.nan for k, v in x.items() if k in WHOLE and v % 1 != 0}
         valid = all(lo <= x[k] <= hi for k, (lo, hi) in n.ranges.items() if k != "stop")
         bad_stop = x["stop"] != 0

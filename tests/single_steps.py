@@ -67,7 +67,7 @@ class Steps:
         ]
 
     def _spoil(self, rng, s: dict[str, np.ndarray], u: dict[str, np.ndarray]) -> None:
-        # Of some steps one input or one state is no number, or beyond an end of its range.
+        # Of some steps one input or one state is not a number, or beyond an end of its range.
         for ports, values, share in ((self.block.inputs, u, 0.2), (self.block.state, s, 0.08)):
             for k in np.flatnonzero(rng.random(COUNT) < share) if ports else ():
                 p = ports[rng.integers(len(ports))]

@@ -145,7 +145,7 @@ def _plain(cases: Sequence[Case]) -> dict[str, dict[str, Any]]:
         # Through JSON, so that a case is the same before and after an interruption.
         plain[text] = json.loads(text)
     if not plain:
-        raise UserError("cases: none.", "Give at least one.")
+        raise UserError("There are no cases.", "Give at least one.")
     return plain
 
 

@@ -133,7 +133,7 @@ class Journal:
         if lines[0].decode("utf-8", "replace") != head:
             raise UserError(
                 f"{self.path}, line 1: not the head of this configuration.",
-                "Move the file away; the run then starts anew.",
+                "Move the file away; the run then starts from the beginning.",
             )
         finished: dict[str, Result] = {}
         for number, line in enumerate(lines[1:], 2):

@@ -222,7 +222,7 @@ def _attribute(
         ]
         if not touched:
             raise BoundError(
-                f"the loop at {header:#x} (lines {sorted(lines)}) is none of the Program's loops"
+                f"the loop at {header:#x} (lines {sorted(lines)}) is not one of the Program's loops"
             )
         found[header] = min(fits)[1] if fits else max(touched)[1]
     return found

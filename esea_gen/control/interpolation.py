@@ -119,7 +119,7 @@ class _Interpolation:
 
 
 def _messages(block: Block, rng: np.random.Generator) -> list[Stream]:
-    # At intervals from each period to longer than any that counts; then some that are no number.
+    # At intervals from each period to longer than any that counts; then some that are not a number.
     steps, mode = 3000, np.repeat([1.0, 2.0, 1.0, 0.0, 1.0], 600)
     t = np.arange(steps)
     held = t - t % np.repeat([1, 20, 50, 7, 160], 600)

@@ -220,7 +220,7 @@ class _Reference:
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
-    # Modes held for a while, so that offsets fade; samples that are no number in between.
+    # Modes held for a while, so that offsets fade; samples that are not a number in between.
     steps = 3000
     t = np.arange(steps)
     x = {

@@ -279,7 +279,7 @@ ALONG = """
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:
-    # Smooth, steps of all sizes, noise that comes and goes, what is no number, and full scale.
+    # Smooth, steps of all sizes, noise that comes and goes, what is not a number, and full scale.
     steps = 3000
     t = np.arange(steps)
     port, *others = block.inputs

@@ -295,8 +295,8 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
             yield UserError(
                 f"impedance.{gain} = {own:g} is above passivity.{most} = {limit:g}: not every hand "
                 "would be stable with it.",
-                f"Lower it; raise passivity.{most} only after esea-gen passivity has found the "
-                "gains up to there passive.",
+                f"Lower it; raise passivity.{most} only after esea-gen passivity has shown that "
+                "gains up to there are passive.",
             )
     derate_C, max_C = (values.get(f"motor_thermal.{n}_C") for n in ("derate", "max"))
     if derate_C is not None and max_C is not None and derate_C > max_C - 1:

@@ -309,6 +309,8 @@ def _fix(problem: Problem) -> str | UserError:
         return "Add it; the shipped elbow.toml shows the form."
     if problem.key == "name":
         return NAME_RULE
+    if problem.key == "schema":
+        return "This version reads schema 1: compare the file with one from esea-gen new."
     if problem.loc[0] == "axes":
         return (
             'Axes are written ["flexion", "deviation"]: up to '
@@ -316,6 +318,8 @@ def _fix(problem: Problem) -> str | UserError:
         )
     if row:
         return f"A row of numbers is written {SERIES_FORM}."
+    if isinstance(problem.given, str) and re.fullmatch(r"[-+]?\d+,\d+", problem.given):
+        return f"Write a decimal point and no quotes: {problem.given.replace(',', '.')}."
     return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
 
 

@@ -71,7 +71,7 @@ def read_answer(question: DeviceQuestion, text: str) -> float:
     if not math.isfinite(value) or (facts["whole"] and value != round(value)):
         kind = "whole number" if facts["whole"] else "number"
         raise UserError(
-            f"{question.name} = {text!r} is no {kind}.",
+            f"{question.name} = {text!r} is not a {kind}.",
             f"Give a {kind}{question.unit}, such as {question.typical:g}.",
         )
     if value == 0 and facts["low"] == 0:

@@ -199,7 +199,7 @@ class Executor(ABC):
 
 
 def _reject_fractions(ports: Sequence[Port], values: Mapping[str, Array]) -> None:
-    # Of a flag or a count what is no whole number is invalid: C can hold none.
+    # Of a flag or a count what is not a whole number is invalid: C can hold none.
     for p in ports:
         if p.kind != "quantity":
             x = values[p.name]

@@ -42,7 +42,7 @@ _MACROS = _words("""
 def fault_of(name: str) -> str:
     """Why a name cannot stand in the emitted C; empty if it can."""
     if not _FORM.fullmatch(name):
-        return "is no C identifier that begins with a letter"
+        return "is not a C identifier that begins with a letter"
     if "__" in name:
         return "has two underscores in a row, which C++ reserves"
     if name in KEYWORDS:

@@ -1,7 +1,7 @@
 """Watch of a System's tasks: ticks in order, runs in time, coefficients whole.
 
 Values that no Block can know: the C finds them out where ticks are released and tasks start and
-end.  A wire takes them from the instance ``watch``, which is no Block.
+end.  A wire takes them from the instance ``watch``, which is not a Block.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:
     dialect = session.dialect
     filled = [*serials, *[0] * (_ROOM - len(serials))]
     if len(filled) > _ROOM or any(not 0 <= s < 1 << 32 for s in filled):
-        raise LinkError(f"{list(serials)} are no serial numbers", "Give up to 4, below 2^32.")
+        raise LinkError(f"{list(serials)} are not serial numbers", "Give up to 4, below 2^32.")
     zeros = [0.0] * _ROOM
     session.send(session.message("ESEA_KEPT", filled, zeros, *[0] * (len(COUNTERS) + 3)))
     answer = session.wait_for("ESEA_KEPT")
@@ -137,7 +137,7 @@ def forget_coupling(session: Session, serial: int) -> None:
 
 def _name(session: Session, axis: int, serial: int, denied: str) -> None:
     if not 0 < serial < 1 << 32:
-        raise LinkError(f"{serial} is no serial number", "Give one from 1 on, below 2^32.")
+        raise LinkError(f"{serial} is not a serial number", "Give one from 1 on, below 2^32.")
     dialect = session.dialect
     life = dialect.mavlink_map[dialect.MAVLINK_MSG_ID_ESEA_LIFE]
     none = [0] * max(life.array_lengths)

@@ -297,7 +297,7 @@ class Messenger:
         if frames:
             fix = f"{frames} others of this dialect did: is the line full, or the device another?"
         elif noise_bytes:
-            what += f", but {noise_bytes} bytes that are no frames"
+            what += f", but {noise_bytes} bytes that are not frames"
             fix = "Check the baud rate, and that the firmware is this device's."
         else:
             what = f"the board was silent for {limit_s:g} s, no {name} came"

@@ -92,7 +92,7 @@ def read_key(path: Path) -> bytes:
         with open(os.open(path, os.O_RDONLY | AT_ONCE), "rb") as file:
             about = os.fstat(file.fileno())
             if not stat.S_ISREG(about.st_mode):
-                raise LinkError(f"{path} is no file", "Give the file that esea-host pair wrote.")
+                raise LinkError(f"{path} is not a file", "Give the file that esea-host pair wrote.")
             data = file.read(MOST_FILE_BYTES)
     except OSError as error:
         fix = "Give the file that esea-host pair wrote."
@@ -111,6 +111,6 @@ def read_key(path: Path) -> bytes:
     except (ValueError, KeyError, TypeError, RecursionError):
         key = b""
     if len(key) != KEY_BYTES:
-        what = f"{path} is no key file, or is damaged: it holds no key of {KEY_BYTES} bytes"
+        what = f"{path} is not a key file, or is damaged: it holds no key of {KEY_BYTES} bytes"
         raise LinkError(what, "Give the file that esea-host pair wrote, or a copy of it.")
     return key

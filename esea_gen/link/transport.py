@@ -220,7 +220,7 @@ def open_transport(address: str) -> Transport:
     if kind == "file" and rest:
         return FileTransport(rest)
     kinds = "serial:PORT[:BAUD], tcp:[HOST:]PORT, pty:PATH, file:PATH"
-    raise LinkError(f"{address!r} is no address of a board", f"There is {kinds}.")
+    raise LinkError(f"{address!r} is not an address of a board", f"There is {kinds}.")
 
 
 def serial_port(place: str) -> tuple[str, int]:
@@ -232,7 +232,7 @@ def serial_port(place: str) -> tuple[str, int]:
     if not port or port != port.strip():
         raise LinkError(f"'{place}' names no serial port", SERIAL)
     if not digits or not LEAST_BAUD <= int(baud[:9]) <= MOST_BAUD:
-        what = f"'{baud}' is no rate of a serial port ({LEAST_BAUD} to {MOST_BAUD} baud)"
+        what = f"'{baud}' is not a rate of a serial port ({LEAST_BAUD} to {MOST_BAUD} baud)"
         raise LinkError(what, SERIAL)
     return port, int(baud)
 

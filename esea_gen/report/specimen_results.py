@@ -178,7 +178,7 @@ def _check_recordings(
         apart = sorted(f for f in theirs.keys() | ours.keys() if theirs.get(f) != ours.get(f))
         more = f" and {len(apart) - 1} more" if len(apart) > 1 else ""
         raise UserError(
-            f"{path}: is of other recordings than {source.origin}; apart: {apart[0]}{more}.",
+            f"{path} and {source.origin} have different recordings: {apart[0]}{more}.",
             "Give this specimen's result, or make it again from these recordings.",
         )
 
@@ -213,9 +213,9 @@ def _check_device(path: Path, content: dict[str, Any], verdict: Verdict) -> None
     ]
     if apart:
         raise UserError(
-            f"{path}: says {apart[0]} = {_number(said[apart[0]])} of these recordings, the device "
+            f"{path} has {apart[0]} = {_number(said[apart[0]])} for these recordings, the device "
             f"file beside it gives {_number(found[apart[0]])}.",
-            "Device file or mapping file have changed since: identify again.",
+            "The device or mapping file has changed since: identify again.",
         )
 
 

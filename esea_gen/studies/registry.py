@@ -28,7 +28,7 @@ ROOMS = "esea_gen.studies", "esea_gen.reproduce"
 class Study:
     """What the command line knows of any study: its name, one line, and its docstring as help."""
 
-    name: ClassVar[str] = ""  # a class without one is no study, but what studies are made of
+    name: ClassVar[str] = ""  # a class without one is not a study, but what studies are made of
     title: ClassVar[str] = ""
 
     @property

@@ -365,7 +365,7 @@ def simulate(
     choose("person", s.person, PERSON_NAMES)
     if chosen.person and s.person == "none":
         raise UserError(
-            f"{chosen.name} needs somebody who moves the load, but person is none.",
+            f"{chosen.name} needs a person to move the load, but the person is 'none'.",
             f"Give --person {', '.join(n for n in PERSON_NAMES if n != 'none')}.",
         )
     device = controller_device(s.controller)

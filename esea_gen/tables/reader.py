@@ -12,7 +12,7 @@ from esea_gen.tables.table import FileTable, Kind, TableFormat
 from esea_gen.tables.text import TextReader, decoded
 
 MOST_BYTES = 512 * 2**20
-# How files that are no text begin: MATLAB of version 5 and 7.3, HDF5, Parquet.
+# How files that are not text begin: MATLAB of version 5 and 7.3, HDF5, Parquet.
 MAGIC: dict[bytes, Kind] = {
     b"MATLAB 5.0 MAT-file": "mat",
     b"MATLAB 7.3 MAT-file": "mat",

@@ -281,7 +281,7 @@ def read_parquet(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content
         leaves = [file.schema.column(k) for k in range(len(file.schema))]
         paths = [c.path for c in leaves]
         check_unique(name, "", paths, "Give every column a name of its own.")
-        # Lists and bytes are no columns, and may unpack to any size.
+        # Lists and bytes are not columns, and may unpack to any size.
         kinds = {
             k: c.logical_type.type
             for k, c in enumerate(leaves)

@@ -62,7 +62,7 @@ class TableFormat(BaseModel):
     @classmethod
     def _known(cls, encoding: str | None) -> str | None:
         try:
-            # Codecs that are no text encodings (base64) fail only when they are used.
+            # Codecs that are not text encodings (base64) fail only when they are used.
             "a".encode(encoding or "utf-8")
         except (LookupError, UnicodeError):
             raise ValueError("not a known text encoding") from None
@@ -270,7 +270,7 @@ class FileTable:
 
     def _cast(self, column: str) -> Array:
         values = np.asarray(self.cells[column])
-        if values.dtype.kind == "O":  # JSON: None is an empty cell; true and false are no numbers
+        if values.dtype.kind == "O":  # JSON: None is an empty cell; true and false are not numbers
             for k, v in enumerate(values):
                 if v is not None and type(v) not in (int, float):
                     raise self._no_number(k, column, str(v))

@@ -51,14 +51,14 @@ def parse_fault(text: str) -> EncoderFault:
     found = _FORM.fullmatch(text)
     if found is None:
         raise UserError(
-            f"'{text}' is no fault.",
+            f"'{text}' is not a fault.",
             "Write KIND:ENCODER@SECONDS, such as freeze:load@4, or with an amount slip:gear@4=0.1.",
         )
     for key, known in (("kind", KINDS), ("side", SIDES)):
         if found[key] not in known:
-            what = "an encoder can do" if key == "kind" else "an encoder"
+            what = "an encoder"
             raise UserError(
-                f"'{text}': '{found[key]}' is not what {what}."
+                f"'{text}': '{found[key]}' is not a fault of {what}."
                 if key == "kind"
                 else f"'{text}': there is no encoder '{found[key]}'.",
                 f"{nearest(found[key], known)}Choose from {', '.join(known)}.",

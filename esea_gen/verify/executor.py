@@ -271,7 +271,7 @@ def float32_trajectory(
 
 
 def held_stream(block: Block, stream: Stream) -> Stream:
-    """A stream as C holds it: of a flag or a count, what is no whole number is invalid."""
+    """A stream as C holds it: of a flag or a count, what is not a whole number is invalid."""
     whole = {p.name for p in (*block.inputs, *block.state) if p.whole}
 
     def held(values: Mapping[str, Array]) -> dict[str, Array]:

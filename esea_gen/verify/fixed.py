@@ -116,7 +116,7 @@ def seen_stream(plan: BlockPlan, stream: Stream) -> Stream:
     for f in plan.fields["in"]:
         raw = _raw(f, stream.inputs[f.port.name])
         inputs[f.port.name] = np.where(raw == INVALID, np.nan, from_raw(raw, f.fraction))
-    # A state has no mark for what is no number: it is the number that its bits say.
+    # A state has no mark for what is not a number: it is the number that its bits say.
     known = {f.port.name: f for f in plan.fields["state"]}
     injections = {
         k: {n: held(known[n], v) if n in known else v for n, v in values.items()}

@@ -94,7 +94,7 @@ class _Evaluator:
         if n.op in ("div", "inv") and v[-1].low <= 0 <= v[-1].high:
             return ANYTHING
         found = self.corners(n, *v)
-        if n.op == "sign" and v[0].nan:  # 0 of what is no number
+        if n.op == "sign" and v[0].nan:  # 0 of what is not a number
             return _hull(Interval(found.low, found.high), FALSE)
         return self.between(n, found) if n.op == "add" else self.square(n, found)
 

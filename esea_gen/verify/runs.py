@@ -208,7 +208,7 @@ def changed_by_restore(
 
 
 def not_finite(ports: Iterable[Port], values: Mapping[str, Array]) -> list[str]:
-    """What is said of values that are no numbers."""
+    """What is said of values that are not numbers."""
     return [
         f"{p.name} is not finite"
         for p in ports

@@ -303,7 +303,7 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
     endless[5, 3] = np.inf
     for bad in ({"responses": endless}, {"calibration": {"own_Nm": math.nan}}):
         dataclasses.replace(data, **bad).save(tmp_path / "g.npz")
-        with pytest.raises(UserError, match="infinite or none"):
+        with pytest.raises(UserError, match="infinite or missing"):
             ResponseDataBase.load(tmp_path / "g.npz")
     for name in ("d.npz", "e.npz", "f.npz"):
         with pytest.raises(UserError, match="no data base"):

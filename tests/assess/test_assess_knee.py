@@ -425,7 +425,7 @@ def test_a_conversation_without_a_sensor_and_with_one(base, tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert NOTICE in done.output
-    assert "'what' is no number" in done.output
+    assert "'what' is not a number" in done.output
     assert "category: 'Q'" in done.output
     steps = [e["what"] for e in json.loads(file.read_text())["trail"]]
     assert steps == ["begin", "felt", "measured", "clinician", "skipped", "undone"]

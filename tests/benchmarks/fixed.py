@@ -79,7 +79,7 @@ def _image(device: Device, program: str, theta: Array, board: str) -> dict[str, 
         return fmt.literal(naming.number(block, group, name, value))
 
     fraction = naming.fraction(block, "in", "theta_rad")
-    # What is no number or does not fit has a raw number of its own.
+    # What is not a number or does not fit has a raw number of its own.
     rows = (
         [fmt.literal(float(v)) for v in theta]
         if fraction is None

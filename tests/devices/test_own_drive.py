@@ -215,9 +215,9 @@ def test_without_a_terminal_what_is_missing_is_listed_and_nothing_written(monkey
     assert "--give encoder_bits=17" in said
     assert "control_rate_Hz in Hz, 10 to 10000" in said
     for wrong, words in (
-        ("gear_ratio=x", "gear_ratio = 'x' is no number"),
+        ("gear_ratio=x", "gear_ratio = 'x' is not a number"),
         ("gear_ratio=0.5", "gear_ratio = 0.5 is below its limit 1"),
-        ("gear_ratio=1_0", "gear_ratio = '1_0' is no number"),
+        ("gear_ratio=1_0", "gear_ratio = '1_0' is not a number"),
         ("k1_Nm_rad=0", "k1_Nm_rad = 0 is no drive's"),
         ("encoder_bits=12.5", "no whole number"),
         ("gear_rato=74", "Did you mean gear_ratio"),
@@ -244,7 +244,7 @@ def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_pat
         monkeypatch, tmp_path, typed="a lot\n0.35\n\n2.2\n40\n83\n50\n1.5\n3e-4\n\n\n\n250"
     )
     assert "12 of 12. Rate of the control task" in said
-    assert "Jh_kgm2 = 'a lot' is no number" in said
+    assert "Jh_kgm2 = 'a lot' is not a number" in said
     made = load_device(tmp_path / "mine.toml").file
     (tmp_path / "mine.toml").unlink()
     said = asked(monkeypatch, tmp_path, typed="0.35\n2\n1\n" + "\n" * 9)

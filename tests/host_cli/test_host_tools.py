@@ -59,7 +59,7 @@ def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, m
     monkeypatch.setattr("esea_host.cli.live.open_device", lambda *_: nullcontext(device))
     before = device.parameters()
     for words, said in (
-        ("reference.Kd_Nms_rad=99", "=99 is no number from 0 to 0.35 Nm s/rad"),
+        ("reference.Kd_Nms_rad=99", "=99 is not a number from 0 to 0.35 Nm s/rad"),
         ("encoder_motor.zeroed=0.5", "only a calibration sets it.*esea-host zero"),
         ("reference.Kp_Nm_rad=2", "Kp_Nm_rad is there twice"),
     ):

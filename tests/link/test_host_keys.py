@@ -141,7 +141,7 @@ def test_no_key_file(tmp_path, content):
     path = tmp_path / "key"
     path.write_text(content)
     path.chmod(0o600)
-    with pytest.raises(LinkError, match="is no key file, or is damaged"):
+    with pytest.raises(LinkError, match="is not a key file, or is damaged"):
         read_key(path)
 
 

@@ -177,7 +177,7 @@ def opened(session):
     ("sent", "said"),
     [
         (lambda _: b"", "silent for 0.2 s, no HEARTBEAT came. Check that it has power"),
-        (lambda _: bytes(77), "but 77 bytes that are no frames. Check the baud rate"),
+        (lambda _: bytes(77), "but 77 bytes that are not frames. Check the baud rate"),
         (lambda p: p.frame(output(0)), "1 others of this dialect did: is the line full"),
     ],
     ids=["silence", "noise", "no heartbeat among the frames"],

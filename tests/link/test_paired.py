@@ -48,7 +48,7 @@ def test_the_key_is_its_owners_alone(paired, tmp_path):
     other = tmp_path / "other"
     other.write_text("no key")
     other.chmod(0o600)
-    with pytest.raises(LinkError, match="is no key file"):
+    with pytest.raises(LinkError, match="is not a key file"):
         read_key(other)
     with pytest.raises(LinkError, match="paired already"):
         board.pair(tmp_path / "second")

@@ -216,9 +216,9 @@ def test_a_file_is_read_and_takes_nothing(elbow, tmp_path):
 @pytest.mark.parametrize(
     ("address", "why"),
     [
-        ("udp:1:2", "is no address of a board"),
-        ("tcp:port", "is no address of a board"),
-        ("", "is no address of a board"),
+        ("udp:1:2", "is not an address of a board"),
+        ("tcp:port", "is not an address of a board"),
+        ("", "is not an address of a board"),
         ("tcp:1", "nothing answers at 127.0.0.1:1"),
         ("serial:/dev/none", "/dev/none cannot be opened"),
         ("pty:/dev/none", "/dev/none cannot be opened"),

@@ -213,7 +213,7 @@ def _suspicion(node: ast.AST, kind: str, in_text: bool, in_stream: bool) -> str:
     if in_stream:
         return "in an input of a verification, whose reach its coverage tells"
     if kind == "swapped argument" and _called(node) in _EITHER_BUT_NAN:
-        return "differs only where an argument is no number"
+        return "differs only where an argument is not a number"
     if kind == "comparison" and isinstance(node, ast.Compare):
         edges = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
         if all(isinstance(op, edges) for op in node.ops):

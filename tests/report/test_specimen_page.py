@@ -219,7 +219,7 @@ def other_device() -> str:
         (lambda: "rig.csv", "rig.csv: cannot be read as JSON"),
         (
             lambda: change("rig.json", schema="friction"),
-            "holds a result of 'friction'; wanted is identify",
+            "has a result of 'friction'; expected: identify",
         ),
         (lambda: shutil.copy("rig.json", "b.json") + " rig.json", "is a result of 'identify' too"),
         (lambda: change("rig.json", schema_version=99), "is of version 99 of its schema"),
@@ -229,7 +229,7 @@ def other_device() -> str:
         (lambda: agreed(("B1", "C7")), "is of the specimens B1, C7; map.toml has specimen 'A3'"),
         (lambda: life(serial=72), "tells of coupling 72; map.toml has serial = 71"),
         (lambda: life(couplings=[]), "tells of no coupling"),
-        (other_recordings, "is of other recordings than map.toml; apart: rig.csv"),
+        (other_recordings, "and map.toml have different recordings: rig.csv"),
         (lambda: "rig.json " + compared(full_scale_Nm=9.0), "its full scale is 9 Nm"),
         (other_device, "the device file beside it gives"),
         (lambda: shutil.copy("rig.json", "sub"), "its device file rig.toml is not beside it"),

@@ -155,6 +155,6 @@ def test_nan_and_infinity_into_every_field_of_the_task(elbow, elbow_f64, elbow_f
                     assert np.all(np.isfinite(s[instance][f].astype(float))), (instance, f)
             words = [v for k, v in y.items() if k.endswith("status")]
             assert any(np.any(w & 3) for w in words)  # and it is told of
-        # A tunable that is no number is refused.
+        # A tunable that is not a number is refused.
         for instance, tunable in elbow.system.tunables:
             assert runner.prepare({instance: {tunable.name: value}}) > 0

@@ -101,7 +101,7 @@ def test_what_each_kind_makes_of_the_angle(sound):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("freeze:load", "is no fault"),
+        ("freeze:load", "is not a fault"),
         ("freze:load@4", "Did you mean freeze"),
         ("freeze:lod@4", "Did you mean load"),
         ("freeze:load@4=1", "has no amount"),

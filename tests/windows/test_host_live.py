@@ -234,7 +234,7 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     assert "is outside" in editor.changes.text()
     assert not editor.write_button.isEnabled()
     new.setText("many")
-    assert "is no number" in editor.changes.text()
+    assert "is not a number" in editor.changes.text()
     wanted = (held + low) / 2
     new.setText(f"{wanted:g}")
     assert editor.changes.text().startswith(f"smc.lambda_1_s: {held:g} -> {wanted:g}")

@@ -84,7 +84,7 @@ def _parts(base: Base) -> Parts:
         control["ahead"] = ahead(
             device, grid, given=preview, one_layer=one_layer, torque_given=future != "held"
         )
-        # A future that is no number stops for good, as a wish of now does.
+        # A future that is not a number stops for good, as a wish of now does.
         replaced["stamp"] = command_stamp(device, checked=True)
     control["predictive"] = predictive_controller(
         device,

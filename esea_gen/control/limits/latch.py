@@ -17,7 +17,7 @@ from esea_gen.language.watch import LATE_MOST
 from esea_gen.model.mode import Mode
 
 LAST_REARM = 7  # rearm counts up to it and wraps
-UNKNOWN = 8  # rearm_last before a request was seen: the first one is no edge
+UNKNOWN = 8  # rearm_last before a request was seen: the first one is not an edge
 MIRROR = 255  # less a number is its mirror
 
 

@@ -187,7 +187,7 @@ def _held_back(block: Block, rng: np.random.Generator) -> Stream:
         j.put(width, omega_load_rad_s=-0.5 * fast, omega_motor_rad_s=fast)
     if "u_thermal_Nm" in j.ports:
         j.put(200, u_thermal_Nm=0.3 * t["u_max_Nm"])
-    j.put(40, mode=0.0)  # off is no fault: the command is ramped down
+    j.put(40, mode=0.0)  # off is not a fault: the command is ramped down
     j.put(20, mode=2.0)
     return j.stream("held back by range of motion and speed")
 

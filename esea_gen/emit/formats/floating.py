@@ -220,7 +220,7 @@ class _Operands:
         if n.op == "const" and n.value >= 0 and n.value % 1 == 0:
             return _whole_text(n.value, port.choices)
         raise UnsupportedOperationError(
-            f"{self.kernel.name}: {port.name} is a {port.kind}, but what it gets is no whole number"
+            f"{self.kernel.name}: {port.name} is a {port.kind}, but its value is not a whole number"
         )
 
 

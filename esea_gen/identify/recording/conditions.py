@@ -194,7 +194,7 @@ def divided(recordings: list[Recording], rules: Cycles) -> list[Recording]:
         every = list(dict.fromkeys(c for r, s in used for c in _names_of(r, s)))
         if asked not in every or len(every) < 2:
             raise UserError(
-                f"cycles.hold_out = '{asked}' is no condition that could be left out.",
+                f"cycles.hold_out = '{asked}' is not a condition that could be left out.",
                 f"{nearest(asked, every)}There are: {', '.join(every)}; two at least are needed.",
             )
     elif rules.hold_out_last is None and len(known) >= LEAST_CONDITIONS:

@@ -275,7 +275,7 @@ def _temperatures(m: Any) -> Iterator[Located]:
         yield _wrong(
             key,
             f"key {key} is missing: other recordings have one.",
-            "Give every recording's, or none: one that is not known cannot be told from another.",
+            "Give it for every recording or for no recording.",
         )
 
 

@@ -49,8 +49,8 @@ def load_recordings(source: MappingFile) -> list[Recording]:
     for key, q in source.fittable().items():
         if isinstance(q, ToFit):
             raise UserError(
-                f"{source.origin}: {key} = 'fit' is found by esea-gen identify alone.",
-                "Write what it found here: it says so in its notes and under channels in its JSON.",
+                f"{source.origin}: {key} = 'fit' works with esea-gen identify only.",
+                "Write its result here, from its notes or from channels in its JSON.",
             )
     files = source.paths()
     labels = _labels(source.origin, [(name, table) for _, name, table in files])

@@ -218,7 +218,7 @@ class InteractionStudy:
             f", drive tripped in {trips}, command at the motor's limit at times in {at_limit}"
         )
         lines.append(
-            "A run can show that gains are active; that none did is no proof of passivity."
+            "A run can show that gains are active; if no run does, that does not prove passivity."
         )
         if self.sliding:
             lines += [

@@ -288,8 +288,8 @@ class ResponseDataBase:
         fitted = list((head["calibration"] or {}).values())
         if np.isinf(arrays["responses_Nm"]).any() or not np.all(np.isfinite(fitted)):
             raise UserError(
-                f"{path}: a response or a calibrated number is infinite or none.",
-                "Build it again; NaN stands only where a person has not been.",
+                f"{path}: a response or a calibrated number is infinite or missing.",
+                "Build it again; NaN is allowed only where a person has not been.",
             )
         return cls(
             LocationGrid(arrays["angle_rad"], arrays["rate_rad_s"]),

@@ -49,8 +49,8 @@ def kept(
         list[int] | None,
         option(
             "--encoder",
-            "Serial number that stands on an encoder; one for each, in the device's order. "
-            "The board starts afresh.",
+            "Serial number printed on an encoder; one for each, in the device's order. "
+            "The board restarts.",
             min=1,
         ),
     ] = None,
@@ -133,8 +133,8 @@ def life(
         list[int] | None,
         option(
             "--coupling",
-            "Serial number that stands on a coupling; one for each axis, in the device's "
-            "order. What that coupling has borne before goes on.",
+            "Serial number printed on a coupling; one for each axis, in the device's "
+            "order. The count of that coupling's use continues.",
             min=1,
         ),
     ] = None,

@@ -145,11 +145,11 @@ def _bench(
         unknown = set(given) - {"plant", "seed"}
         if unknown:
             raise UserError(
-                f"'{unknown.pop()}' is no option of a simulated machine to commission.",
+                f"'{unknown.pop()}' is not an option of a simulated machine to commission.",
                 "There are plant and seed, as in sim:elbow_drive?plant=real&seed=3.",
             )
         if not given.get("seed", "0").isdigit():
-            raise UserError(f"seed={given['seed']} is no whole number.", "Write seed=3.")
+            raise UserError(f"seed={given['seed']} is not a whole number.", "Write seed=3.")
         seed = int(given.get("seed", 0))
         drives = bool(board_device(loaded_device(name)).laws)
         plant = given.get("plant", "ideal" if drives else None)

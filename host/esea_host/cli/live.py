@@ -346,7 +346,7 @@ def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) 
                 held = np.array([p.low, number, p.high], np.float32)  # as the board holds them
             if not held[0] <= held[1] <= held[2]:
                 limits = f"{p.low:g} to {p.high:g} {p.unit}"
-                raise UserError(f"{text} is no number from {limits}.", "Nothing was set.")
+                raise UserError(f"{text} is not a number from {limits}.", "Nothing was set.")
             of[p.name] = number
     return found[0] | found[1]
 
@@ -356,7 +356,7 @@ def _read(path: Path) -> dict[str, float]:
         content = json.loads(read_whole(path, "Write one with --save."))
         return {str(k): float(v) for k, v in content.get("parameters", content).items()}
     except (ValueError, AttributeError, TypeError, RecursionError) as error:
-        what = f"{path} is no file of parameters ({error})."
+        what = f"{path} is not a file of parameters ({error})."
         raise UserError(what, "Write one with --save.") from None
 
 

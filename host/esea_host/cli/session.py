@@ -93,9 +93,9 @@ class _AskedSession:
 
     def run(self) -> None:
         if self.key is not None and self.device in (SIMULATED, VIRTUAL, POINTER):
-            raise UserError("--key is of a board, and --device names none.", "Leave --key out.")
+            raise UserError("--key needs a board, and --device is not one.", "Leave --key out.")
         if self.headless and self.device == POINTER:
-            raise UserError("Without a window nobody can point.", "Leave --headless out.")
+            raise UserError("A pointer needs a window.", "Leave --headless out.")
         if not self.headless:
             need_a_screen("esea-host study run --headless")
         pointed = [(0.0, 0.0)]

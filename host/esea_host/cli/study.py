@@ -231,7 +231,7 @@ def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> Non
     from esea_host.study.repair import repair
 
     said = repair(opened(folder, runs=False, operator=operator))
-    say(said or ["Every log holds: nothing was changed."])
+    say(said or ["Every log is intact: nothing was changed."])
 
 
 @study_app.command("replay")

@@ -170,7 +170,7 @@ def wrist(
         Path | None,
         option(
             "--calibration FILE",
-            "Calibration to normalise with (.toml); if there is none, a new one goes there.",
+            "Calibration to normalise with (.toml); if missing, a new one is written there.",
         ),
     ] = None,
     device: DeviceOption = None,

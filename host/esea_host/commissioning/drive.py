@@ -210,7 +210,7 @@ def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
         ),
         StartupCheck(
             "encoders", "largest difference of the sides over the travel", worst, 2 * ERROR_RAD,
-            "rad", "Centre the magnets; which of the two is off cannot be told from this.",
+            "rad", "Centre the magnets; this does not show which of the two is off.",
         ),
     )  # fmt: skip
     return JudgedEncoders(checks, None, found, middle, {"load": error}, 2 * ERROR_RAD)

@@ -174,7 +174,7 @@ class CommissioningRecord:
                 f"{path} cannot be read as a record ({error}).", "Name another folder: --record."
             ) from None
         if kind != (KIND, VERSION):
-            raise UserError(f"{path} is no record of this version.", "Name another folder.")
+            raise UserError(f"{path} is not a record of this version.", "Name another folder.")
         if of != device:
             raise UserError(
                 f"{path} is the record of a {of}, not of a {device}.",

@@ -200,7 +200,7 @@ def _friction(bench: CommissioningBench, _: StepOptions) -> StepResult:
         ),
         StartupCheck(
             "friction", "negative Coulomb friction", max(0.0, -f.fc.value), 0.0, "Nm",
-            "A torque that helps is none: do the steps 'encoders' and 'torque' again.",
+            "Friction cannot drive the motor: repeat the steps 'encoders' and 'torque'.",
         ),
     )  # fmt: skip
     found = {f"fc_{k}": v for k, v in f.fc.to_dict("Nm").items()}

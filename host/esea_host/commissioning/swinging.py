@@ -279,12 +279,12 @@ def _suspects(found: dict[str, Any]) -> str:
         return (
             f"Sensor (gain {found['gain']:.3f}) and motor agree with each other and not with the "
             "load: weigh the masses, measure the arm.  If both are right, rubber and torque "
-            "constant are off alike: the step 'torque' tells, the motor held."
+            "constant are off alike: the step 'torque', with a fixed motor, shows it."
         )
     constant = "the motor's torque constant or its friction"
     if not off(found["gain"]):
-        return f"The sensor agrees with the load: look at {constant}; the rubber is none of it."
+        return f"The sensor agrees with the load: check {constant}; the rubber is not the cause."
     return (
         f"Suspects are the rubber (gain {found['gain']:.3f}), {constant}, and the load.  The step "
-        "'torque' separates them: a mass that hangs while the motor is held knows no constant."
+        "'torque' separates them: with a fixed motor the torque constant has no effect."
     )

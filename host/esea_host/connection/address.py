@@ -47,7 +47,7 @@ def parse_address(text: str) -> BoardAddress:
         )
     kind, colon, place = text.partition(":")
     if kind not in KINDS or not colon or not place:
-        raise UserError(f"'{text}' is no address of a board.", f"Write one such as {EXAMPLES}.")
+        raise UserError(f"'{text}' is not an address of a board.", f"Write one such as {EXAMPLES}.")
     if kind == "tcp":
         host, _, port = place.rpartition(":")
         if not host or not port.isdigit() or not 0 < int(port) < 65536:

@@ -155,7 +155,7 @@ class ConnectedDevice:
         try:
             found = identify(transport, self.identity.device, self.identity.key)
             if found.content_hash != self.identity.content_hash:
-                raise UserError("Behind the link is another board now.", "Connect anew.")
+                raise UserError("Another board answers on this link now.", "Connect again.")
             self.session.take_time_of(Session(transport, self._dialect, WAIT_S))
             self.receiver.restarted = found.start != self._start
             self._start = found.start
@@ -424,7 +424,7 @@ class ConnectedDevice:
         found = [n for n in known if name == n] or [n for n in known if n.endswith(f".{name}")]
         if len(found) != 1:
             near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
-            many = "is not the name of one parameter" if found else "is no parameter"
+            many = "is not the name of one parameter" if found else "is not a parameter"
             raise UserError(
                 f"'{name}' {many} of {self.identity.device.name}.", f"Name one of: {near}."
             )

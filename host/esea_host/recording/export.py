@@ -132,7 +132,7 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     """A stream as a BIDS data set with motion data."""
     for what, label in (("subject", subject), ("task", task)):
         if not _LABEL.fullmatch(label):
-            raise UserError(f"The {what} '{label}' is no BIDS label.", "Use letters and digits.")
+            raise UserError(f"The {what} '{label}' is not a BIDS label.", "Use letters and digits.")
     table = longest(log[stream])
     track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"

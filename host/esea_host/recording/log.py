@@ -158,7 +158,7 @@ class Log(LogFile):
     Raises
     ------
     UserError
-        When it is no recording.
+        When it is not a recording.
     """
 
     def __enter__(self) -> Self:
@@ -348,7 +348,7 @@ def open_log(path: str | Path) -> Log:
     Raises
     ------
     UserError
-        When it is no recording.
+        When it is not a recording.
     """
     return Log(Path(path))
 

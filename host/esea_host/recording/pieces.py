@@ -312,7 +312,7 @@ def _mapped(path: Path) -> tuple[mmap.mmap, int, bool]:
         raise UserError(f"{path} cannot be opened: {reason}.", "Check the path.") from None
     if found is not None and start == MCAP0_MAGIC:
         return found, len(found), False
-    what = "is empty" if found is None else "is no MCAP file"
+    what = "is empty" if found is None else "is not an MCAP file"
     if found is not None:
         near = sum(a != b for a, b in zip(start, MCAP0_MAGIC, strict=False)) <= 2
         if len(found) > MAGIC_BYTES + HEAD.size and near and found[MAGIC_BYTES] == Opcode.HEADER:

@@ -105,7 +105,7 @@ def record_end(data: mmap.mmap, at: int, size: int) -> tuple[int, int]:
     opcode, length = HEAD.unpack_from(data, at)
     end = at + HEAD.size + length
     if opcode not in _KNOWN and opcode < _PRIVATE:
-        raise PieceError("is no record")
+        raise PieceError("is not a record")
     if end > size:
         raise PieceError("goes beyond the end of the file")
     if opcode == Opcode.CHUNK:
@@ -164,7 +164,7 @@ def records(data: bytes) -> Iterator[tuple[int, int, int]]:
         opcode, length = HEAD.unpack_from(data, at)
         end = at + HEAD.size + length
         if opcode not in _KNOWN and opcode < _PRIVATE:
-            raise PieceError("has something that is no record")
+            raise PieceError("has something that is not a record")
         if end > size:
             raise PieceError("has a record that goes beyond its end")
         yield opcode, at, end

@@ -104,7 +104,7 @@ def as_samples(signal: ArrayLike, name: str) -> Array:
             return np.asarray(array.astype(np.float64).filled(np.nan))
     except (TypeError, ValueError):
         pass
-    raise NoAnswerError("shape", f"{name} is no array of real numbers.", "Give samples.")
+    raise NoAnswerError("shape", f"{name} is not an array of real numbers.", "Give samples.")
 
 
 def _row(bad: Any, stacked: bool) -> str:

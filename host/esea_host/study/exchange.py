@@ -343,7 +343,7 @@ def _cells(line: Sequence[Any]) -> Iterator[str]:
         else:
             text = f"{value:.9g}" if isinstance(value, float) else str(value)
             if "\t" in text or "\n" in text:
-                raise UserError(f"{text!r} cannot stand in a table.", "Leave the tab out.")
+                raise UserError(f"{text!r} cannot be a table cell.", "Leave tabs out.")
             yield text
 
 

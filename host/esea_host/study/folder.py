@@ -47,7 +47,7 @@ class StudyFolder:
         self.left_out: list[Path] = []
         self._found, self._entries = LogFound(), list[LoggedEvent]()
         if len(self.by) > LONGEST_NAME or not self.by.isprintable():
-            raise UserError(f"{by!r} is no operator's name.", "Give one of at most 100 letters.")
+            raise UserError(f"{by!r} is not an operator's name.", "Give at most 100 letters.")
 
     @classmethod
     def create(
@@ -79,7 +79,7 @@ class StudyFolder:
     def open(cls, path: Path, durable: bool = True, runs: bool = True, by: str = "") -> StudyFolder:
         """A study that is there."""
         if not (path / PROTOCOL).exists():
-            raise UserError(f"{path} is no study.", "Name the folder with protocol.toml.")
+            raise UserError(f"{path} is not a study.", "Name the folder with protocol.toml.")
         tasks, texts = sorted((path / TASKS).glob("*.py")), sorted((path / TEXTS).glob("*.toml"))
         for file in (path / PROTOCOL, path / AUDIT, *tasks, *texts):
             inside(path, file.relative_to(path), str(path))
@@ -238,7 +238,7 @@ class StudyFolder:
         for code in codes:
             if not CODE.fullmatch(code):
                 raise UserError(
-                    f"{code!r} is no participant code.",
+                    f"{code!r} is not a participant code.",
                     "Codes are one to three capitals and two to four digits, such as P01; never a "
                     "name or initials.",
                 )

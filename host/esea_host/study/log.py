@@ -113,7 +113,7 @@ def plain(value: Any, where: str, depth: int = 0) -> Any:
     elif isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str) or not _is_unicode(key):
-                raise UserError(f"{where}: the key {key!r} is no text.", "Write a text.")
+                raise UserError(f"{where}: the key {key!r} is not text.", "Write a text.")
         return {k: plain(v, f"{where}.{k}", depth + 1) for k, v in value.items()}
     elif isinstance(value, list | tuple):
         return [plain(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value)]

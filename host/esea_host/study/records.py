@@ -102,7 +102,7 @@ def consent_date(text: str) -> str:
     try:
         found = calendar_date.fromisoformat(text) if text else today
     except ValueError:
-        raise UserError(f"{text!r} is no date.", "Give it as 2026-11-26.") from None
+        raise UserError(f"{text!r} is not a date.", "Give it as 2026-11-26.") from None
     if found > today:
         raise UserError(f"{text} is in the future.", "Give the day on which it was signed.")
     return found.isoformat()

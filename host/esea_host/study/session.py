@@ -319,9 +319,7 @@ class StudySession:
             raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
         self._reread()
         if self.state.states.get(number) in (None, COMPLETED):
-            raise UserError(
-                f"Trial {number} is done, or there is none.", "Name one that is to come."
-            )
+            raise UserError(f"Trial {number} is done or does not exist.", "Name a later one.")
         self.say("skip", trial=number, reason=reason)
         self._reread()
 

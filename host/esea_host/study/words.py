@@ -116,7 +116,7 @@ def _read(text: str, origin: str) -> dict[str, str]:
         for key, value in (entries if isinstance(entries, dict) else {"": entries}).items():
             if not key or not isinstance(value, str):
                 where = f"{table}.{key}".rstrip(".")
-                raise UserError(f"{origin}: {where} is no text.", f"Write [table], see {SEE}.")
+                raise UserError(f"{origin}: {where} is not text.", f"Write [table], see {SEE}.")
             found[f"{table}.{key}"] = value
     return found
 
