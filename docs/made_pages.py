@@ -1,4 +1,4 @@
-"""Pages of the site that are made from the program itself, at every build, so that none goes stale.
+"""Generate the pages of the site that the program defines, at every build.
 
 ``device-file.md`` and ``mapping-file.md`` from their schemas, ``command-line.md`` from the
 commands, ``api/*.md`` from the docstrings, ``hazards.md`` and ``states.md`` from their tables.

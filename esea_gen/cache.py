@@ -1,4 +1,4 @@
-"""Where results are kept between processes, and the digest of the code that they come from."""
+"""Results stored between processes, and the digest of the code that computed them."""
 
 from __future__ import annotations
 

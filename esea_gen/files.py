@@ -1,4 +1,4 @@
-"""Files written whole or not at all: what was there before stays until the new one is complete."""
+"""Atomic file access: an old file stays until the new one is complete."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Processors, toolchains, flags and boards: the one table of what emitted C is built for.
+"""Targets of emitted C: processors, toolchains, flags, boards.
 
 A processor or a board is one entry here; a board that runs the firmware also has a folder in
-``firmware/boards``, of its name or shared with its like.
+``firmware/boards``, under its name or shared with similar boards.
 """
 
 from __future__ import annotations

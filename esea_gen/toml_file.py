@@ -1,4 +1,4 @@
-"""Reading TOML into a typed table: what is wrong, where, with which value, and the fix."""
+"""Read TOML into a typed table; errors state place, value and remedy."""
 
 from __future__ import annotations
 

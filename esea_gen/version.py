@@ -1,3 +1,3 @@
-"""The version of this program, for what it writes."""
+"""Version of this program, for the files that it writes."""
 
 __version__ = "0.1.0"

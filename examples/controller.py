@@ -1,9 +1,9 @@
 """Worked example: add a controller.  Run it: python examples/controller.py.
 
 A Block that makes a joint behave like a spring and a damper is wired behind the torque sensor: the
-sensor runs at 1 kHz, the controller at 200 Hz.  The C of both comes by itself, and is held against
-the symbols at every step, also when the slow task is preempted and runs late.  It needs gcc, and
-writes only below the folder given as its argument (by default, ``controller`` in the current one).
+sensor runs at 1 kHz, the controller at 200 Hz.  The C of both is generated and compared with the
+symbols at every step, also when the slow task is preempted and runs late.  It needs gcc, and writes
+only below the folder given as its argument (by default, ``controller`` in the current one).
 
 This is not yet a controller for a motor: nothing may reach a motor that has not passed the limits
 Block (docs/limits.md).

@@ -1,4 +1,4 @@
-"""A short trial from Python: connect, set a parameter, record, look at what came.
+"""A short trial from Python: connect, set a parameter, record, read the recording.
 
 esea-host sim elbow_drive --tcp 5760 &
 python examples/host_trial.py tcp:127.0.0.1:5760 trial.mcap

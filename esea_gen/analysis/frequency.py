@@ -1,4 +1,4 @@
-"""A frequency response and what is read off it: bandwidth, margins, delay, lag; output impedance.
+"""Frequency responses: bandwidth, stability margins, delay, phase lag; output impedance.
 
 `esea_gen.analysis.sweeps` estimates one from recorded signals.
 """

@@ -1,7 +1,7 @@
-"""A case, its result, and the journal that keeps results: what ran does not run again.
+"""Journal of finished cases: an interrupted run continues without repeating them.
 
-A journal holds one line a finished case, on the disk before the next one is taken; its name is a
-hash of everything that the numbers depend on.
+A journal has one line a finished case, on the disk before the next case starts; its name is a hash
+of everything that the numbers depend on.
 """
 
 from __future__ import annotations

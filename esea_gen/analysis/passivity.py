@@ -1,7 +1,7 @@
 """Passivity of a rendered impedance over its gains, from the energy of recorded runs.
 
-A passive hand and a passive driving point cannot oscillate, whatever the hand's inertia,
-damping and stiffness; one that is not passive needs a look at each hand.
+A passive hand and a passive driving point cannot oscillate, whatever the hand's inertia, damping
+and stiffness; one that is not passive must be checked with each hand.
 """
 
 from __future__ import annotations

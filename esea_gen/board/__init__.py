@@ -1,1 +1,1 @@
-"""What runs the C: images, emulators, the simulated board, models of chips, bounds of time."""
+"""Boards: images, emulators, the simulated board, chip models, time bounds."""

@@ -1,7 +1,7 @@
-"""A moteus drive without hardware: the register protocol by its maker's codec.
+"""Emulated moteus drive: the register protocol, encoded by the manufacturer's codec.
 
-What it is to drive is somebody else's: ``torque_Nm`` out, ``show`` in.  Frames are those of CAN-FD,
-lines those of an fdcanusb adapter.
+The load is separate: ``torque_Nm`` out, ``show`` in.  Frames are those of CAN-FD, lines those of an
+fdcanusb adapter.
 """
 
 from __future__ import annotations

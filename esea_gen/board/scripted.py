@@ -1,4 +1,4 @@
-"""An emulated board that plays a script: what its drivers give, and the link, tick by tick."""
+"""Emulated board that plays a script: driver readings and link bytes, tick by tick."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The application: what every command shares, options and what is printed."""
+"""Application shared by every command: options, output."""
 
 from __future__ import annotations
 

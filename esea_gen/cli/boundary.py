@@ -1,4 +1,4 @@
-"""The boundary of a program: whatever goes wrong becomes one message and an exit code."""
+"""Boundary of a program: turn every failure into one message and an exit code."""
 
 from __future__ import annotations
 

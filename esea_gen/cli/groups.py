@@ -1,7 +1,6 @@
-"""Commands in groups: each is read when it is typed, help reads none.
+"""Command groups that import a command only when it runs, not for help.
 
-A press of the tab key and a look at the help must answer at once, and what the commands import
-takes seconds.
+Completion and help must answer at once, and the imports of the commands take seconds.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Names for help and completion, without loading what they name.
+"""Names for help and completion, without importing what they name.
 
-A press of the tab key must answer at once; the symbolic engines alone take two seconds.  So names
-are read from folders and from the text of the sources; a test holds them against the loaded ones.
+Completion must answer at once; the symbolic engines alone load in two seconds.  So names are read
+from folders and from the text of the sources; a test compares them with the loaded ones.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Adaptation of the desired torque to the rubber, by numbers that commissioning identifies.
+"""Adaptation of the desired torque to the specimen, with values from commissioning.
 
 A rubber softer than its model gives less torque than the sensor shows.  Gain, loss and offset of
-the wish stand outside every loop.
+the desired torque are outside every loop.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Simulated impairment: a wall with damping that only pushes out, and resistance to speed.
+"""Simulated impairment: a one-sided damped wall, and resistance to speed.
 
-As printed (thesis 7.1, 7.2) both damping terms feed a motion out; what is passive is here.
+As printed (thesis 7.1, 7.2) both damping terms drive a motion outward; this form is passive.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Smooth set-points between messages: what is desired, interpolated over the messages' interval."""
+"""Interpolation of set-points between messages."""
 
 from __future__ import annotations
 

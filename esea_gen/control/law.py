@@ -1,7 +1,7 @@
-"""Definition of a control law: its Blocks beside the common ones, and their wires.
+"""Definition of a control law: its Blocks, added to the common ones, and their wires.
 
-A law is one file.  The shipped ones stand in ``control/laws`` and are found there by themselves;
-one from outside the package is named ``FILE.py:law`` wherever a law's name is taken.
+A law is one file.  Shipped laws in ``control/laws`` register themselves; a law from outside the
+package is named ``FILE.py:law`` wherever a law's name is accepted.
 """
 
 from __future__ import annotations

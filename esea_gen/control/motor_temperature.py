@@ -1,4 +1,4 @@
-"""Temperature of the motor's winding and case, by its copper loss; what torque they leave.
+"""Temperature of the motor's winding and case from its copper loss, and the derated torque.
 
 A drive that measures it may only raise the winding's temperature, and no faster than copper warms:
 its sensor lags, or is missing.

@@ -1,8 +1,8 @@
 """Added damping and bounded energy, for every law.
 
-A law that swings a limb up gives a little energy in every period: the mean power of its error is
-measured, as a damping, and what is missing is added to what is wanted.  A law that runs away gives
-much at once: what the drive has given is added up, and the command closed in time.
+A law that swings a limb up adds a little energy in every period: the mean power of its error is
+measured, as a damping, and the missing damping is added to the desired torque.  A law that runs
+away adds much at once: the drive's energy is summed, and the command is closed in time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Torque and impedance control: encoders in, motor torque out, whatever the law.
+"""Torque and impedance control for any law: from encoder counts to motor torque.
 
-Nothing reaches the motor that has not passed the limits, in the very period in which it is sent:
-the control task gives a stamped command, which the limits in the sensing task take up from a latch.
+Every command passes the limits in the period in which it is sent: the control task gives a stamped
+command, which the limits in the sensing task read from a latch.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Check of gains taken over from a shipped device against the values they were designed for.
+"""Check of copied gains against the values that they were designed for.
 
-A gain that stands in a device file as it does in a shipped one, source and all, is that one's:
-extended, copied, or of a controller.  Where rate, stiffness or inertia are others, it is told.
+A gain equal to a shipped device's, source included, is that device's: extended, copied, or from a
+controller.  If rate, stiffness or inertia differ, a warning reports it.
 """
 
 from __future__ import annotations

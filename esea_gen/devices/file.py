@@ -1,8 +1,8 @@
-"""Reading device files.
+"""Read device files.
 
 A device file is TOML.  Every number in it is a small table with the value, a status (``published``,
 ``identified`` or ``assumed``) and the source; its unit is the key's suffix.  Reading one checks
-every key, unit, bound and relation, and says in one paragraph what is wrong.
+every key, unit, bound and relation, and reports all errors together.
 """
 
 from __future__ import annotations

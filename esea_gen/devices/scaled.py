@@ -1,8 +1,9 @@
-"""Numbers of a ``scaled`` device: what follows from the numbers that its file gives.
+"""Numbers of a ``scaled`` device, derived from those in its file.
 
-A file with ``extends`` and ``scaled = true`` gives what its maker knows of joint, rubber, gear,
-motor and encoders.  Any other number is the base's times powers of the ratios between the two, so
-that the new drive is the base's in other units.  A number that the file gives is never changed.
+A file with ``extends`` and ``scaled = true`` has the numbers of joint, rubber, gear, motor and
+encoders that are available.  Any other number is the base's times powers of the ratios between the
+two, so that the new drive is the base's in other units.  A number that the file gives is never
+changed.
 """
 
 from __future__ import annotations

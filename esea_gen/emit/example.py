@@ -1,8 +1,8 @@
 """Example program of a System, and its expected output from the symbolic System.
 
-A System without a drive is given a triangle on one input.  A System with a drive is given a short
-recording of its encoders; its latch is armed, torque control runs, and then the latch is tried.
-All numbers are in units and the same for every number format.
+A System without a drive gets a triangle on one input.  A System with a drive gets a short recording
+of its encoders; its latch is armed, torque control runs, and then the latch is tested. All numbers
+are in units and the same for every number format.
 """
 
 from __future__ import annotations

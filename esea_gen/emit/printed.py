@@ -1,4 +1,4 @@
-"""Kernels and Blocks as pieces of C text, whatever their number format."""
+"""C text of kernels and Blocks in any number format."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""Ranges and rounding errors of a kernel, operation by operation, in any number format.
+"""Ranges and rounding errors of a kernel's operations in any number format.
 
 Every value carries the interval of its exact value and an error model
 
     |computed - exact| <= a + r |exact|
 
 pushed through operation by operation: what an operation does to the errors of its operands is here,
-what it adds of its own a format's :class:`Rounding` says.  A comparison whose operands carry no
-error, or whose outcome follows from the intervals, is decided alike in all formats; any other is
-listed as an assumption.  All boxes of a Block's split ranges go through at once.
+what it adds is in a format's :class:`Rounding`.  A comparison whose operands carry no error, or
+whose outcome follows from the intervals, is decided alike in all formats; any other is listed as an
+assumption.  All boxes of a Block's split ranges go through at once.
 
 References
 ----------

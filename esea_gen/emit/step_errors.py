@@ -1,4 +1,4 @@
-"""Worst-case error of a Block, in whatever number format: one step's, and for all time.
+"""Worst-case error of a Block in any number format: of one step, and for all time.
 
 One step's errors (:mod:`esea_gen.emit.spans`) over the boxes of its ranges; for all time as a fixed
 point, or through the powers of a linear Block's state matrix.

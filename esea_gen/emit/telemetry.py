@@ -1,4 +1,4 @@
-"""What telemetry costs on the wire."""
+"""Bytes of telemetry on the wire."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of a kernel that C holds as whole numbers, and those that have a name."""
+"""Values of a kernel that are unsigned integers in C, and named values."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What goes into an FMU: a Block, a device's whole controller, or the virtual exoskeleton.
+"""Contents of an FMU: a Block, a device's controller, or the virtual exoskeleton.
 
-Each is C by the one code generator, and a list of variables that stand for fields of its structs.
+Each is C by the one code generator, and a list of variables that map to fields of its structs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A device with the torque model that held-out data choose."""
+"""Identify a device with the torque model that held-out data select."""
 
 from __future__ import annotations
 

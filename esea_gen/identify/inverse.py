@@ -1,13 +1,13 @@
 """Refit of the published inverse's play operators to recordings (4.14).
 
 Measured torque in, measured deflection out: kappa, phi and chi of table 4.2 are chosen so that the
-RMS difference between the inverse's set-point and the measured deflection is least.  What runs is
-the emitted C of the published inverse without its observer, the three made tunable; nothing in it
-depends on time, so it runs on the recording's own samples.  The set-point is kappa times something
+RMS difference between the inverse's set-point and the measured deflection is least.  The fit runs
+the emitted C of the published inverse without its observer, with the three as tunables; it does not
+depend on time, so it runs on the recording's own samples.  The set-point is kappa times something
 that depends on phi and chi alone: only these two are searched, and kappa follows in closed form.
 
 With small thresholds the weights ``kappa exp(-phi chi j)`` are nearly equal, and phi then does
-little that kappa does not do as well: the result says how well each is known.
+little that kappa does not do as well: the result has the uncertainty of each.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Which experiment next: D-optimal advice, a protocol of motions inside the identified domain.
+"""Plan of the next experiment: D-optimal motions inside the identified domain.
 
-Each motion is worth the information that it gives of the parameters, by the derivatives of the
-identified C along it; motions are taken one by one, each time the one that raises the determinant
-of the information most a minute [1]_.  What a minute is worth is learned from the recording: by how
-far its own blocks, left out, move the parameters.
+The value of a motion is its information about the parameters, by the derivatives of the identified
+C along it; motions are taken one by one, each time the one that raises the determinant of the
+information most a minute [1]_.  The value of a minute comes from the recording: how far its blocks,
+left out one at a time, move the parameters.
 
 References
 ----------

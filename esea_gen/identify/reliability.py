@@ -1,9 +1,9 @@
-"""How far specimens of one coupling agree: reliability and limits of agreement; a joint fit.
+"""Agreement between specimens of one coupling: reliability, limits of agreement, a joint fit.
 
 Rows are conditions (a deflection, rate and instant each), columns are specimens; each cell is the
-torque of that specimen there.  Specimens are a sample of all that may come: ICC(2,1), absolute
-agreement, says whether one device file serves any of them; ICC(3,1), consistency, leaves out what
-a constant offset of each would mend.  From recordings, where each ``[[condition]]`` of the mapping
+torque of that specimen there.  Specimens are a sample of all possible ones: ICC(2,1), absolute
+agreement, shows whether one device file suits any of them; ICC(3,1), consistency, ignores what a
+constant offset of each would correct.  From recordings, where each ``[[condition]]`` of the mapping
 is a specimen, the published model is fitted to all together and to each by itself.
 
 References

@@ -1,4 +1,4 @@
-"""What the device's C makes of recordings, and what its torque is worth.
+"""Torque of a device's C on recordings, and its uncertainty.
 
 The worth is by class of torque and rate, the measured ones: the half width that holds 95 % of the
 errors in blocks left out (``recording.resampling``), and how many held-out samples lie in it.
@@ -54,8 +54,8 @@ def temperature_tunables(
 def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
     """Run the device's C over recordings and compare at their own samples.
 
-    The sensor is given the deflection as it was recorded, as in the fit: it does not come in
-    counts of the device's encoders, and is not smoothed.
+    The sensor is given the deflection as it was recorded, as in the fit: it does not come in counts
+    of the device's encoders, and is not smoothed.
     """
     system = sensing_system(device, device.velocity, device.sensor, counts=False)
     task = compile_system(system, "f64").task("sense")

@@ -1,4 +1,4 @@
-"""What Block and Program have in common: names, ports, tunables, start, and how one is run."""
+"""Common base of Block and Program: names, ports, tunables, start, run."""
 
 from __future__ import annotations
 

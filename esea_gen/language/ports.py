@@ -1,4 +1,4 @@
-"""What crosses a Block's border: ports, tunables, constants, flags, and the checks of a value.
+"""Interface of a Block: ports, tunables, constants, flags, and the checks of a value.
 
 A quantity carries its unit in its name.  Every threshold is a float32 number, so that all number
 formats decide alike.

@@ -1,6 +1,6 @@
 """Programs: kernels called in loops of bounded trip count, with static work memory.
 
-A Block's step is one straight-line function.  What needs loops (a rollout over a horizon, a
+A Block's step is one straight-line function.  A step with loops (a rollout over a horizon, a
 quadratic program) is a Program: the same ports, tunables, ``prepare`` and ``init``, and a body made
 of a few statements::
 
@@ -8,7 +8,7 @@ of a few statements::
     loop    a fixed number of times, or at most so many times with an exit
     when    one way or the other
     set     a whole number, which only indexes arrays
-    invoke  a part of the body that stands elsewhere
+    invoke  a part of the body defined elsewhere
 
 There is no heap, no recursion and no loop without a bound; every array is a port, a table of
 constants, or work memory in the caller's state struct.  One description is run in Python
@@ -53,12 +53,9 @@ class Program(Component):
     Build one with :meth:`define`.
 
     name, title, period_s, constants, tunables, coefficients, inputs, outputs, equations, streams:
-    as in :class:`esea_gen.language.component.Component`.
-    state: what one step leaves to the next, then the work arrays, which carry nothing.
-    prepare, init: as there; ``init`` of what is carried.
-    starts_latched: as there.
-    memory: every array by name.
-    parts: the body; ``step`` is the entry.
+    as in :class:`esea_gen.language.component.Component`. state: what one step leaves to the next,
+    then the work arrays, which carry nothing. prepare, init: as there; ``init`` of what is carried.
+    starts_latched: as there. memory: every array by name. parts: the body; ``step`` is the entry.
     """
 
     kind = "program"

@@ -1,4 +1,4 @@
-"""Statements of a Program's body, the arrays they work on, and what indexes these."""
+"""Statements of a Program's body, the arrays they work on, and index expressions."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Test streams of a Block: common ones, and its own.
+"""Test streams of a Block: common streams and its own.
 
-Random inputs open no latch and make no encoder slip.  What needs inputs that fit together over many
-steps, a Block says itself: ``Block.define(..., streams=OwnStreams(events=...))``.  All numbers come
-from the Block's own ports, tunables and constants.
+Random inputs open no latch and make no encoder slip.  A Block that needs inputs related over many
+steps defines its own: ``Block.define(..., streams=OwnStreams(events=...))``.  All numbers come from
+the Block's own ports, tunables and constants.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Watch of a System's tasks: ticks in order, runs in time, coefficients whole.
+"""Watch of a System's tasks: missed ticks, late runs, corrupt coefficients.
 
-Values that no Block can know: the C finds them out where ticks are released and tasks start and
+Values that no Block can compute: the C determines them where ticks are released and tasks start and
 end.  A wire takes them from the instance ``watch``, which is not a Block.
 """
 

@@ -1,4 +1,4 @@
-"""Parts of a System: tasks, ends of wires, what enters and leaves, what tasks hold for others."""
+"""Parts of a System: tasks, ends of wires, inputs and outputs, latches between tasks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames out of a stream of bytes, whatever else is in it."""
+"""MAVLink frames in a stream of bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a board keeps without power: parameters, zeros, use counters, couplings, the black box."""
+"""Values that a board stores: parameters, zeros, use counters, couplings, black box."""
 
 from __future__ import annotations
 

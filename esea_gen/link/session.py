@@ -1,4 +1,4 @@
-"""A session with a board: what it can be asked to do, and what it tells."""
+"""Session with a board: requests and received messages."""
 
 from __future__ import annotations
 

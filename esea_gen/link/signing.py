@@ -1,4 +1,4 @@
-"""Keys for signed commands: made here, kept in a file that only its owner reads."""
+"""Keys for signed commands, in files that only their owner can read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What carries the bytes: a socket, a serial port, a terminal, a file, a process."""
+"""Transports of the link: socket, serial port, pseudo-terminal, file, process."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ with the evidence in ``docs/sensor.md``: stop operators in play form, F(k) = cli
 r, theta(k) + r) with E = theta - F, in which nothing is summed; and a Maxwell element whose
 exponential step has exp(x) to third order: exact at rest, positive and monotone for every x >= 0.
 
-With a dead zone (the knee, 8.7/8.8) the deflection beyond it stands for the deflection, and its
-rate, 0 where the step starts inside, for the rate.  That gate looks at the stored theta(k-1), which
-every format holds exactly, and the viscosity then holds nothing of theta(k): torque stays strictly
+With a dead zone (the knee, 8.7/8.8) the model uses the deflection beyond it, and the rate of that,
+0 where the step starts inside.  That gate looks at the stored theta(k-1), which every format
+represents exactly, and the viscosity then does not depend on theta(k): torque stays strictly
 increasing in it.  The price is the one step that leaves the dead zone: at most kv |thetadot| h too
 much, for the knee at 15 deg and 3 Hz 0.06 Nm, which the next step lets go.
 """

@@ -1,6 +1,6 @@
-"""Encoder front end: raw counts in, joint angle and whether it can be trusted out.
+"""Encoder front end: from raw counts to the joint angle and its validity.
 
-All that decides anything is whole numbers below 2^24, which every number format holds exactly.
+Every decision uses integers below 2^24, which every number format represents exactly.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A family of elastomer models: what a member is made of, and what holds for every one of them.
+"""Family of elastomer models: the parts of a member, and properties that all members have.
 
 With x the deflection over the largest trained one, a member's torque is a sum of w d(m, s)
 op[q(x)], w >= 0: ``q`` rises through the origin, ``op`` is a spring (q itself), a Maxwell branch, a

@@ -1,8 +1,8 @@
-"""One step of a member of the elastomer family: its operators, its softening, its memory.
+"""One step of a member of the elastomer family: operators, softening, memory.
 
-The steps are exact for a q that is linear within the step: Maxwell as the convex combination
-y+ = (1 - a - b) y + a q+ + b q of its relaxed part y, which stays inside what has driven it however
-it is rounded; slip with exp(v) replaced by its third-order series, which keeps |z| <= L and the
+The steps are exact for a q that is linear within the step: Maxwell as the convex combination y+ =
+(1 - a - b) y + a q+ + b q of its relaxed part y, which stays within the range of its input under
+any rounding; slip with exp(v) replaced by its third-order series, which keeps |z| <= L and the
 steady state exact; stop in its play form, in which nothing is summed.
 """
 

@@ -1,4 +1,4 @@
-"""The torque sensor's kernel called on symbols: what both inverses take of the forward model."""
+"""Call the torque sensor's kernel on symbols, for both inverses."""
 
 from __future__ import annotations
 

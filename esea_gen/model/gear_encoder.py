@@ -1,6 +1,6 @@
-"""The motor's own encoder: counts of its shaft in, how far the drive has turned the joint out.
+"""Motor encoder: from counts of its shaft to the drive's part of the joint angle.
 
-It knows no absolute angle: it counts from the first frame on, in whole numbers below 2^24.
+It has no absolute angle: it counts from the first frame on, in integers below 2^24.
 """
 
 from __future__ import annotations

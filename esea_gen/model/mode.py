@@ -1,4 +1,4 @@
-"""What a drive is to do: the number of a command, on the link and in C."""
+"""Modes of a drive: numbers of a command, on the link and in C."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""Play states of the stop operators: what a common history makes of them, and streams with such."""
+"""Play states of the stop operators after a common history, and streams with such states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Blocks take of a device file: sections that must be there, numbers as tunables."""
+"""Access to a device file for Blocks: required sections, numbers as tunables."""
 
 from __future__ import annotations
 

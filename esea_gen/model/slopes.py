@@ -1,8 +1,7 @@
-"""A Block with the exact derivatives of its outputs by tunables: forward mode, step by step.
+"""Block with the exact derivatives of its outputs by tunables: forward mode, step by step.
 
-Along ``s+ = f(c, s, u)`` runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, kept as further states, of
-which only those are made that a tunable reaches (Griewank, Walther, "Evaluating Derivatives",
-2008).
+Along ``s+ = f(c, s, u)`` runs ``ds+/dp = df/ds ds/dp + df/dc dc/dp``, stored as further states,
+only for states that depend on a tunable (Griewank, Walther, "Evaluating Derivatives", 2008).
 """
 
 from __future__ import annotations

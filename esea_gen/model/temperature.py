@@ -1,4 +1,4 @@
-"""What a rubber's temperature changes: one factor on its stiffness and its losses."""
+"""Effect of temperature on a rubber: one factor on its stiffness and its losses."""
 
 from __future__ import annotations
 

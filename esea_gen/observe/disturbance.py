@@ -1,4 +1,4 @@
-"""Disturbance of the drive: what its model does not explain of the motor side's motion (5.5)."""
+"""Disturbance of the drive: motion of the motor side that its model does not explain (5.5)."""
 
 from __future__ import annotations
 

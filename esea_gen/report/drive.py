@@ -1,4 +1,4 @@
-"""Sections of a device with a drive: tasks, checks, what it does on the virtual exoskeleton."""
+"""Report sections of a device with a drive: tasks, checks, results on the virtual exoskeleton."""
 
 from __future__ import annotations
 

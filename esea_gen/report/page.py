@@ -1,4 +1,4 @@
-"""What the pages share: sections, the Jinja environment, and how numbers are written for people."""
+"""Shared parts of the pages: sections, the Jinja environment, numbers as text."""
 
 from __future__ import annotations
 

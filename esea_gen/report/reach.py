@@ -1,4 +1,4 @@
-"""What a drive reaches: sines over its torque range, output fixed, followed to a stated error."""
+"""Reach of a drive: sines over its torque range, output fixed, within a stated error."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""One page a specimen: what was measured, how well the model knows it, how far its life is used.
+"""Specimen page: measurements, fit of the model, used share of its life.
 
-What no result says is not known, and the page names the command that would tell.
+For a missing result the page names the command that computes it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is known of one specimen, from the files that earlier commands wrote.
+"""Results about one specimen, from the files of earlier commands.
 
 A file of another specimen is refused: recordings are compared by their digests, the device by the
 errors that it gives, reliability and life by the specimen's name and number in the mapping file.

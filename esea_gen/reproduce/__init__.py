@@ -1,1 +1,1 @@
-"""Published tables and figures, computed anew: one file each, which registers itself."""
+"""Published tables and figures, recomputed: one file each, which registers itself."""

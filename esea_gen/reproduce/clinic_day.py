@@ -1,14 +1,13 @@
-"""A day in a clinic, simulated: the rubber tires from session to session, and rests over night.
+"""Simulated day in a clinic: the rubber softens over the sessions and recovers overnight.
 
 The protocol is that of the thesis' chapter 3, sixteen sessions at three intensities.  The model is
 the smallest that tires and recovers, one share s of the whole torque::
 
     ds/dt = (most - s) |dtheta/dt| / length - s / recovery
 
-It has three numbers, which no experiment of ours gives: they are fitted to the six published errors
-of tables 3.6 and 3.7, and what the fit leaves is printed beside.  A sensor that knows nothing of it
-then errs by s times the torque; with the error that it has anyway, of the first session, this adds
-by squares.
+It has three numbers, which no recording here determines: they are fitted to the six published
+errors of tables 3.6 and 3.7, and the residual is printed.  A sensor without this effect then errs
+by s times the torque; its error in the first session is added by squares.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""How the sensor is stepped and fed: three tables of emitted C against continuous models.
+"""Discretisation of the sensor: three tables of emitted C against continuous models.
 
-Ideal encoders tell the integrators of the Maxwell element apart; real ones tell the sources of the
-rate apart, and the second table decides the defaults.  The third is of the whole sensing task,
-rate and torque together: counts or the smoothed deflection, by bandwidth.
+Ideal encoders separate the integrators of the Maxwell element; real ones separate the sources of
+the rate, and the second table decides the defaults.  The third is of the whole sensing task, rate
+and torque together: counts or the smoothed deflection, by bandwidth.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Our numbers beside the published ones: each function gives them by the published names.
+"""Recomputed values by the names of the published ones.
 
-Nothing is kept here that was computed elsewhere: the emitted C runs, or the Blocks, or arithmetic
-on what the thesis prints.
+No value is stored here: the emitted C runs, or the Blocks, or arithmetic on the thesis' printed
+numbers.
 """
 
 from __future__ import annotations

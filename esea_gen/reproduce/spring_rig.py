@@ -1,4 +1,4 @@
-"""The analysis on real data: a metal series elastic actuator's published bandwidths and steps.
+"""Analysis of real data: bandwidths and steps of a metal series elastic actuator.
 
 Data: I. Tregear, Series Elastic Actuation, Imperial College London, 2023, recordings of a closed
 torque loop at one sample per 1.5 to 3 ms, irregular.  None of it is shipped; `check_on_data` takes

@@ -1,10 +1,10 @@
-"""What chapters 3 and 4 of the thesis print of the torque model and its inverses, recomputed.
+"""Results of chapters 3 and 4 of the thesis, recomputed: torque model and inverses.
 
-Of the forward model the text gives few numbers.  Beside these stand the figures of an independent
-recomputation in float64 (``recomputed``), which the thesis does not print.  For tables 4.4 and 4.5
-the request goes through an inverse Block's C, the set-point through the published zero-phase
-filter, and the filtered set-point through the sensor's C, whose torque is compared with the
-request.  Everything that is stepped is compiled, generated C; numpy makes signals and statistics.
+The text has few numbers of the forward model.  They are compared with an independent recomputation
+in float64 (``recomputed``), which the thesis does not print.  For tables 4.4 and 4.5 the request
+goes through an inverse Block's C, the set-point through the published zero-phase filter, and the
+filtered set-point through the sensor's C, whose torque is compared with the request.  Everything
+that is stepped is compiled, generated C; numpy makes signals and statistics.
 """
 
 from __future__ import annotations

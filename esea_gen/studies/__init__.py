@@ -1,1 +1,1 @@
-"""The studies: what is run, measured and compared, one file a study."""
+"""Studies, one file each: cases, measures, comparison."""

@@ -1,7 +1,7 @@
-"""The registry of studies: every class with a name in the files of two rooms, or in a file named.
+"""Registry of studies: named classes in two rooms or in a file given by path.
 
-A study is found by being there: no list names it.  One outside of the package is named by its
-file, ``FILE.py:name``, in the processes that run its cases as well.
+A study needs no entry in a list.  One outside the package is named by its file, ``FILE.py:name``,
+also in the processes that run its cases.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the torque answers: steps, a swept torque, and a swept motion at 0 Nm."""
+"""Torque responses: steps, a swept torque, and a swept motion at 0 Nm."""
 
 from __future__ import annotations
 

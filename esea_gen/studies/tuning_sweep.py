@@ -1,8 +1,8 @@
-"""Tuning against the virtual exoskeleton: what a parameter trades, and which value to take.
+"""Tuning on the virtual exoskeleton: effect of a parameter, and the value to use.
 
 Without a named parameter it is the thesis' procedure for sliding mode control (5.4.1.2), on its
 tuning case: the boundary layer phi as narrow as the surface allows without leaving it, then the
-slope lambda with phi held.
+slope lambda with phi fixed.
 """
 
 from __future__ import annotations

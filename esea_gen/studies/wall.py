@@ -1,4 +1,4 @@
-"""The simulated impairment's wall: what a hand feels that pushes against it."""
+"""Wall of the simulated impairment: torque on a hand that pushes against it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A table that has been read, how it is written, and what messages about it share."""
+"""A loaded table, its file format, and shared text of its messages."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Encoders of the virtual exoskeleton, and the whole numbers and sines that they need.
+"""Encoders of the virtual exoskeleton, with the rounding and sines that they need.
 
-The walker knows neither rounding nor sines.  Both are made here from what it knows, for double
-precision only, which is what the virtual exoskeleton is emitted in.
+The walker has neither rounding nor sines.  This file builds both from its operations, only for
+double precision, the virtual exoskeleton's format.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Faults of the virtual exoskeleton's encoders: what one reads is false, from a moment on."""
+"""Faults of the virtual exoskeleton's encoders: false readings from a given time on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a closed-loop run recorded."""
+"""Recording of a closed-loop run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plant's bodies, symbolically: what acts on each and where one step takes it."""
+"""Mechanics of the plant's bodies, symbolically: torques and one integration step."""
 
 from __future__ import annotations
 

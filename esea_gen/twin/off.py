@@ -1,8 +1,8 @@
 """Model mismatch: virtual exoskeletons that differ from the controller's model.
 
-Each family has one thing off, and is otherwise the plant that was asked for; its numbers are in
-``plants.toml``.  Friction, inertia and lag are scaled from the device file's, which is what a
-controller knows, whatever the plant has of them.
+Each family changes one property of the requested plant; its numbers are in ``plants.toml``.
+Friction, inertia and lag are scaled from the device file's, which the controller uses, not from the
+plant's.
 """
 
 from __future__ import annotations

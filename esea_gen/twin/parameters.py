@@ -1,4 +1,4 @@
-"""What may vary from one virtual exoskeleton to the next, and what is derived from it."""
+"""Parameters that vary between virtual exoskeletons, and derived values."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ The hands' torque acts on a cuff of small inertia, the coupling between cuff and
     J omega_m' = tau_hand - b (omega_m - omega_l) - tau_e(theta_m - theta_l)
 
 with the elastomer's torque tau_e as in the virtual exoskeleton: the torque sensor's own step at the
-plant's period, fed with the true rate in the middle of the step.  The limb's movement is given:
-whoever simulates the limb has its torque and its angle.  In the dead zone nothing but J and b
-holds the cuff back, which therefore takes its time to cross it, and strikes.
+plant's period, fed with the true rate in the middle of the step.  The limb's movement is an input:
+the caller simulates the limb.  In the dead zone only J and b resist the cuff, which therefore takes
+time to cross it, and strikes.
 """
 
 from __future__ import annotations

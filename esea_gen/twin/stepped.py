@@ -1,4 +1,4 @@
-"""The virtual exoskeleton a tick at a time: what a board has, command in and encoder counts out."""
+"""Virtual exoskeleton stepped by ticks: command in, encoder counts out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard trajectories: what the person intends, and the torque that is asked for, at 1 kHz."""
+"""Standard trajectories at 1 kHz: the person's intention and the desired torque."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensing task as a whole, rate and torque together, in one format against f64."""
+"""Sensing task in one format against f64: rate and torque together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One Block's C on one stream, against what it must give."""
+"""Comparison of one Block's C with its reference on one stream."""
 
 from __future__ import annotations
 

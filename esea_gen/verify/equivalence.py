@@ -1,7 +1,7 @@
 """The emitted C against the symbolic Block: every output and state, at every step.
 
-In float64 the C must be the symbolic Block to rounding, and CasADi's own C bit for bit.  In float32
-it must stay within a derived bound.  Three rules, in this order:
+In float64 the C must equal the symbolic Block to rounding, and CasADi's own C bit for bit.  In
+float32 it must stay within a derived bound.  Three rules, in this order:
 
 ``residual``
     Of the exact inverse, whose comparisons and root give intervals no meaning: the model's torque
@@ -11,8 +11,8 @@ it must stay within a derived bound.  Three rules, in this order:
     The bound of a Block that forgets its errors.  Where a run breaks what a linear Block's assumes
     (:mod:`esea_gen.verify.assumed`), it fails, or, if its stream is declared rough, is judged by:
 ``one step, from the same memory``
-    What each step adds (:mod:`esea_gen.verify.one_step`).  How far a free run comes apart is told
-    beside it, and not bounded.
+    What each step adds (:mod:`esea_gen.verify.one_step`).  The deviation of a free run is
+    reported, not bounded.
 """
 
 from __future__ import annotations

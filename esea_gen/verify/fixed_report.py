@@ -1,4 +1,4 @@
-"""What fixed point does to a device: bits and errors of every Block, torque over long signals."""
+"""Fixed-point report of a device: bits and errors of every Block, torque over long signals."""
 
 from __future__ import annotations
 

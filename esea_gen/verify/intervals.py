@@ -1,4 +1,4 @@
-"""Intervals of computed values: what no input can make the emitted arithmetic do.
+"""Intervals of computed values for every possible input of the emitted arithmetic.
 
 Rounding keeps order, so the ends of a result are those of the operands' ends, in the format's own
 arithmetic (:mod:`esea_gen.verify.executor`).

@@ -1,8 +1,8 @@
 """Streams with altered states and coefficients, compared bit by bit.
 
-Operands far apart tell nothing of a threshold. From states that the Block has been in, one input or
-state is moved until both meet, or are one unit in the last place apart; kept is what shows when the
-decision is turned.
+Distant operands do not test a threshold. From states that the Block has been in, one input or state
+is moved until both are equal or differ by one unit in the last place; a stream is stored if it
+shows an inverted decision.
 """
 
 from __future__ import annotations

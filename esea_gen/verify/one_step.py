@@ -1,8 +1,8 @@
-"""One step of the C against the symbolic step from the same memory, decisions as the C took them.
+"""One step of the C against the symbolic step from the same state and decisions.
 
-An integral keeps every rounding error it ever made, so only what one step adds can be bounded.
-Where rounding turns a decision, its operands must be nearer than their derived errors allow.
-A quotient of two small numbers leaves not even that: such a Block's steps are the executor's.
+An integral accumulates every rounding error, so only the error that one step adds can be bounded.
+Where rounding changes a decision, its operands must be nearer than their derived errors allow. A
+quotient of two small numbers leaves not even that: such a Block's steps are the executor's.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Committed traces: what every shipped System answers to one fixed stream, kept as text.
+"""Committed traces: outputs of every shipped System on one fixed stream, as text.
 
-Of a drive a person moves the joint in it, and the nominal drive obeys the motor.
+For a drive, a person moves the joint and the nominal drive follows the motor.
 """
 
 from __future__ import annotations

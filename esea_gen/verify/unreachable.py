@@ -1,4 +1,4 @@
-"""Sides of a decision that no input can reach: proven by what the guard lets pass, or by logic."""
+"""Sides of a decision that no input can reach, proven by the guard's ranges or by logic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a verification found: one comparison a Block, stream and format, and all of a device."""
+"""Results of a verification: one comparison per Block, stream and format; a device's verdict."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Cascade control: PID on the torque around a rate loop of the motor, as most laboratories have.
+"""Cascade control: PID on the torque around a loop on the motor's rate.
 
-Inside runs the motor's rate with what the drive is known to need: torque, friction, disturbance.
-Outside, the torque's error sets that rate; the coupling's slope schedules its gain.
+The inner loop controls the rate and feeds forward torque, friction and disturbance. The outer loop
+sets that rate from the torque's error; the coupling's slope schedules its gain.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Comparison of encoders and motor torque, which must not contradict one another.
+"""Consistency checks of redundant encoders and of the motor torque.
 
-The motor's own encoder, through the cable, is compared with the motor-side one; the torque that the
-coupling shows with what the motor must be giving, which finds a wrong load-side encoder.
+The motor's own encoder, through the cable, is compared with the motor-side one; the torque of the
+coupling with that of the motor, which detects a wrong load-side encoder.
 """
 
 from __future__ import annotations

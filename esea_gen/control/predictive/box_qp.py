@@ -8,9 +8,9 @@ multiply-adds) proves H positive and gives the stationary point.  Only if that l
 the factors become minus the inverse (n^3 / 3 more), which is the tableau.  A sweep on a variable
 (J. H. Goodnight, The American Statistician 33(3), 1979; n (n + 1) / 2) then ties it to a bound or
 lets it go free, and n numbers more give the new stationary point.  x walks there; the first bound
-in its way is tied; once there, the bound whose release promises most is freed; until none promises
-anything.  Every x on the way is feasible and none is worse than the one before.  A projected Newton
-or interior-point method factorises anew in every iteration.
+in its way is tied; once there, the bound whose release lowers the cost most is freed, until no
+release lowers it.  Every x on the way is feasible and not worse than the one before.  A projected
+Newton or interior-point method factorises again in every iteration.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What predictive control starts from: a symbolic plant, a cost, and how to differentiate them.
+"""Prediction horizon: symbolic plant, cost, and their derivatives.
 
 The plant's substep names its intermediate values (:meth:`Tape.let`).  Each depends on few others,
 so its partial derivatives are few; those that are not constants are computed once a substep, and

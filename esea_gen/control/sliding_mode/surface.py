@@ -1,4 +1,4 @@
-"""The sliding surface, and what SymPy derives from it and the plant: (5.12 to 5.22)."""
+"""Sliding surface and the control law that SymPy derives from it (5.12 to 5.22)."""
 
 from __future__ import annotations
 

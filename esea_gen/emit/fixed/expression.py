@@ -1,4 +1,4 @@
-"""Whole-number expressions of the q31 format: typed, with a proven range, printable, executable.
+"""Integer expressions of the q31 format: typed, with a proven range, printable, executable.
 
 An expression knows the C type it is computed in and the interval of whole numbers it can have.  The
 builders refuse one that could overflow its type, so that a kernel that could be built cannot

@@ -1,8 +1,8 @@
-"""Elementary functions of the q31 format in Python integers: what ``esea_q31.c`` must give.
+"""Elementary functions of the q31 format in Python integers, equal to ``esea_q31.c``.
 
 Every function here gives the same whole number as the C of the same name, whatever its arguments.
-The error constants are measured over every argument there is of the two cores that all functions
-stand on (``tests/test_fixed_functions.py`` repeats that), and rounded up.
+The error constants are measured over every argument of the two cores that all functions use
+(``tests/test_fixed_functions.py`` repeats that), and rounded up.
 """
 
 from __future__ import annotations

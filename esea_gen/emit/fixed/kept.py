@@ -1,7 +1,7 @@
 """Stored results of the plan search: lowering from them takes a fiftieth of the time.
 
-Kept is the choice alone, which values are wide and why.  The plan is lowered from it anew, and its
-bound derived anew, so that no entry can make a plan that does not hold.
+Only the choice is stored: which values are wide, and why.  The plan is lowered from it and its
+bound derived again, so that a wrong entry cannot make a wrong plan.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Lower a kernel to whole numbers: one format a value, from its range; every rounding recorded.
+"""Lower a kernel to integers: one format a value, from its range; every rounding recorded.
 
-A value ``v`` is held as the whole number nearest to ``v 2**f``; ``f`` is the largest that its range
+A value ``v`` is stored as the integer nearest to ``v 2**f``; ``f`` is the largest that its range
 leaves room for, but no more than its operands can fill.  The range is that of the *computed* value
 over every bit pattern of the inputs and states, so that nothing can overflow, corrupt or not.
 """

@@ -1,4 +1,4 @@
-"""Formats of a Block's ports, its kernels in whole numbers, and how these are executed."""
+"""Plan of a Block in q31: formats of its ports, its kernels in integers, their execution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Range report of a device: what every Block's values hold in q31, and what to do where one cannot.
+"""Range report of a device in q31: values of every Block, and the remedy where one overflows.
 
 Every value's range, format, unit and headroom, as table and picture.
 """

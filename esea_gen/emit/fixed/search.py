@@ -1,7 +1,7 @@
 """Search for the plan of a Block: which values need 64 bits.
 
 Everything is 32 bits wide where that keeps the proven error of the outputs below the aim.  Else
-those values are held in 64 bits inside the step that would keep few significant bits where they are
+those values have 64 bits inside the step that would have few significant bits where they are
 smallest, that lose bits to a range which a clip cuts off again, or that lead to a root; then one
 after the other is put back to 32 bits where the aim, or what could be reached of it, still holds.
 For a Block that does not forget its errors the aim is that of one step.

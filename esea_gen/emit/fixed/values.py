@@ -1,4 +1,4 @@
-"""Values, targets and what all lowering rules share."""
+"""Values, targets and helpers shared by all lowering rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Number formats, a module each: how kernels are printed, values converted, what ships beside."""
+"""Number formats, one module each: printing of kernels, conversion of values, support files."""
 
 from __future__ import annotations
 

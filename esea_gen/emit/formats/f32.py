@@ -1,4 +1,4 @@
-"""Single precision: what boards with an FPU run, the same bits on all of them."""
+"""Single precision for boards with an FPU: the same bits on all of them."""
 
 from __future__ import annotations
 

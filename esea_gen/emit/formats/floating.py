@@ -1,4 +1,4 @@
-"""What the floating-point formats share: how a kernel's operations are written in C."""
+"""Shared part of the floating-point formats: a kernel's operations in C."""
 
 from __future__ import annotations
 

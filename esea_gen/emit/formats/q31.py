@@ -1,4 +1,4 @@
-"""Whole numbers: boards without an FPU.  Kernels are printed from a range plan (``emit.fixed``)."""
+"""Fixed point for boards without an FPU: kernels printed from a range plan (``emit.fixed``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction of a drive from runs at steady speeds: Coulomb, Stribeck, viscous, and what loads it.
+"""Friction of a drive from runs at steady speeds: Coulomb, Stribeck, viscous, load.
 
 At a steady speed w the motor's torque is what friction takes [1]_::
 

@@ -1,4 +1,4 @@
-"""Least squares whose intervals know that neighbouring samples share their errors.
+"""Least squares with intervals for errors that neighbouring samples share.
 
 What a model leaves out errs in the same direction for many samples on end.  The samples are put
 into blocks that are longer than that; the spread of the blocks' pulls on the estimate gives its

@@ -1,4 +1,4 @@
-"""The choice between fitted models: the cheapest that no other beats.
+"""Choice between fitted models: the cheapest that no other model beats.
 
 A model beats another if its held-out error is smaller by :data:`BETTER` in half of the conditions
 or more (never in one alone, where several judge) and in the geometric mean over all of them.

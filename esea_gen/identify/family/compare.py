@@ -1,11 +1,11 @@
-"""Models against each other, by conditions left out of their training.
+"""Compare models on conditions left out of their training.
 
-Every model is fitted anew for every split; :mod:`esea_gen.identify.family.choice` chooses.
+Every model is fitted again for every split; :mod:`esea_gen.identify.family.choice` chooses.
 
-Beside the family stand two models from the literature, fitted by SciPy: Bouc-Wen [1]_ (springs x
-and x^3 and one hysteretic variable) and the generalised Maxwell model with Coulomb friction (the
-same springs, three branches, one narrow stop operator for the friction).  Their weights may have
-either sign, and their shape is searched from several starts.
+Two models from the literature are fitted by SciPy for comparison: Bouc-Wen [1]_ (springs x and x^3
+and one hysteretic variable) and the generalised Maxwell model with Coulomb friction (the same
+springs, three branches, one narrow stop operator for the friction).  Their weights may have either
+sign, and their shape is searched from several starts.
 
 References
 ----------

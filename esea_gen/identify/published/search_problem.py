@@ -1,8 +1,8 @@
-"""What a search is given: costs of many points on all cores, residuals, and exact gradients.
+"""Search problem of a fit: costs of many points on all cores, residuals, exact gradients.
 
-The linear parameters are solved at each point [1]_: the cost of a point is what is left with the
-best of them within their bounds, and its gradient that of the torque with these held, because a
-small change of them changes nothing there.
+The linear parameters are solved at each point [1]_: the cost of a point is the residual with the
+best of them within their bounds, and its gradient that of the torque with these fixed, because a
+small change of them has no first-order effect there.
 
 References
 ----------

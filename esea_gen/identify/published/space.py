@@ -1,4 +1,4 @@
-"""Numbers that the fit searches, and the device file's parameters that they stand for.
+"""Search space of a fit, and its map to the device file's parameters.
 
 The viscosity eta = (A |theta|^m + eps1) / (B |rate|^n + eps2) does not change when A, eps1, B and
 eps2 are multiplied by one number.  Searched is what torque can show: the time constant

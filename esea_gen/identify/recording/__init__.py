@@ -1,1 +1,1 @@
-"""Recordings of a rig: what their columns mean, what is wrong with them, what trains and judges."""
+"""Recordings of a rig: columns, defects, training and held-out data."""

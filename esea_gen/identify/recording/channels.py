@@ -1,13 +1,13 @@
-"""What lies between the two channels, found with the model: lag, backlash, dead zone.
+"""Lag, backlash and dead zone between the two channels, fitted with the model.
 
 A candidate moves the recorded deflection, and the model is fitted to the training samples' torque
-anew; the least misfit wins.  The deflection is moved, not the torque: between two samples a noisy
-signal is quieter than at either, and a moved torque would fit best half-way.
+again; the smallest misfit wins.  The deflection is moved, not the torque: between two samples a
+noisy signal is quieter than at either, and a moved torque would fit best half-way.
 
-Loss shifts the torque against the deflection by a share of the cycle, a lag by a time: the two are
-told apart by cycles of different duration alone.  So beside the lag stands one more number, the
-share of a cycle that the model's loss is off by.  It is part of the deviation, and corrects the lag
-where the model's loss is wrong at every rate alike.
+Loss shifts the torque against the deflection by a share of the cycle, a lag by a time: only cycles
+of different duration distinguish the two.  So the lag has a companion, the share of a cycle that
+the model's loss is off by.  It is part of the deviation, and corrects the lag where the model's
+loss is wrong at every rate alike.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Mapping file: what the columns of a recording mean.
+"""Mapping file: the meaning of a recording's columns.
 
 A recording comes as its rig wrote it: in centimetres and tons, in a foreign encoding, without a
 time column.  The mapping file (TOML) says which columns hold deflection, torque and time, in what

@@ -1,9 +1,9 @@
 """Defects of a recording whose cells are all numbers.
 
-A recording that a rig spoilt still fits: spikes raise full scale, a drop-out is filled in, a force
-that stands still pulls the loops flat.  Such samples are masked: they neither train nor judge, and
-the report names them.  What cannot be masked (an offset, backlash) or makes the rest doubtful stops
-the parameters from being called ``identified``.
+A model can be fitted even to a corrupt recording: spikes raise full scale, a drop-out is filled in,
+a constant force flattens the loops.  Such samples are masked: they neither train nor judge, and the
+report names them.  What cannot be masked (an offset, backlash) or makes the rest doubtful stops the
+parameters from being called ``identified``.
 """
 
 from __future__ import annotations

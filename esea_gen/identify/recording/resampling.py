@@ -1,12 +1,11 @@
 """Uncertainty of parameters and torque, from fits with parts left out.
 
 A covariance from the Jacobian takes every sample for independent: with slow noise it is far too
-narrow, and of friction that the model has no term for it knows nothing.  Here whole blocks are left
-out in turn, a cycle or a condition (rate, amplitude, specimen) [1]_; to first order each needs no
-fit of its own.  A cycle sees noise, a condition also what the model or the encoder does wrong
-differently at each; the variance is the mean of both.  Friction is the same in every block: it is
-tried as one more term, and where that stands clear of its own deviation, what it would move the
-parameters by is added.
+narrow, and it ignores friction, for which the model has no term.  Here whole blocks are left out in
+turn, a cycle or a condition (rate, amplitude, specimen) [1]_; to first order each needs no fit of
+its own.  A cycle sees noise, a condition also what the model or the encoder does wrong differently
+at each; the variance is the mean of both.  Friction is the same in every block: it is tried as one
+more term, and where that clearly exceeds its own deviation, its effect on the parameters is added.
 
 References
 ----------

@@ -1,8 +1,8 @@
 """Check of the torque sensor with a hanging mass: a guided procedure, its limits and its verdict.
 
 A known mass on a known arm gives a known torque.  The procedure goes through unloaded and loaded
-phases in both directions, several times; each phase is left to settle, then recorded.  What is
-asked of the recordings, with limits in % of full scale or of the load, and why, is in
+phases in both directions, several times; each phase is left to settle, then recorded.  The limits
+for the recordings, in % of full scale or of the load, and their reasons are in
 :data:`esea_gen.studies.torque_check.procedure.LIMITS`.
 
 The known load has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the

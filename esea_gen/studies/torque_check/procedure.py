@@ -1,4 +1,4 @@
-"""The known torque of a hanging mass, and how well it is known."""
+"""Torque of a hanging mass and its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What enters the Monte-Carlo: motions, encoders that see them, the spread of the parameters."""
+"""Inputs of the Monte Carlo: motions, encoders, spread of the parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors counted by class of torque and rate, and what their distribution comes to."""
+"""Errors by class of torque and rate, and their distribution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many faults on the board ``sim``: found in time, and no worse for the limb than stated."""
+"""Fault campaign on the board ``sim``: detection in time, effect on the limb within bounds."""
 
 from __future__ import annotations
 

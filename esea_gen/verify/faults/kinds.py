@@ -1,4 +1,4 @@
-"""What may break, and how: every input of the board, its memory, its clock, its link."""
+"""Kinds of faults: every input of the board, its memory, its clock, its link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mutants compiled, many at a time, and what tells them from the C that ships."""
+"""Compile mutants in batches and compare them with the C that ships."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Knee: what is known of a movement disorder, and which movement would tell most.
+"""Knee assessment: probabilities of movement disorders, and the most informative movement.
 
 Not a medical device; trained on simulated patients.
 """

@@ -1,7 +1,7 @@
 """The data base from simulated patients, calibrated on other simulated patients.
 
-The knee's stands beside this file, as ``esea-host assess build host/esea_host/assess/knee.npz``
-made it: that takes minutes.  Tests simulate some of its people again.
+The knee's is beside this file, written by ``esea-host assess build host/esea_host/assess/knee.npz``
+in minutes.  Tests simulate some of its people again.
 """
 
 from __future__ import annotations

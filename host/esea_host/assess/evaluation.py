@@ -1,8 +1,8 @@
-"""Judged as a classifier, on simulated patients drawn anew.
+"""Evaluation of the classifier on new simulated patients.
 
-Every patient is met by four ways of choosing movements, in lockstep: by expected information, by
-the thesis' measure, by a fixed protocol, at random.  Parameters are jittered, legs of other sizes,
-other noise; nobody was in the data base or in a calibration.
+Four ways of choosing movements examine every patient, in lockstep: by expected information, by the
+thesis' measure, by a fixed protocol, at random.  Parameters are jittered, sizes of legs and noise
+differ; no patient was in the data base or in a calibration.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Recordings of a moved leg: tables, and what ``esea-host record`` and ``import`` write."""
+"""Read recordings of a moved leg: tables, and files of ``esea-host record`` and ``import``."""
 
 from __future__ import annotations
 

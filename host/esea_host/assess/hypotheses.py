@@ -1,9 +1,9 @@
-"""What a person of each category would answer: a Gaussian over the whole map.
+"""Expected responses of each category: a Gaussian over the complete map.
 
 Each hypothesis has a mean map and a covariance of it: how people of one category differ from each
-other.  A strong patient is strong everywhere, and what was seen in earlier movements is not counted
-as news again; each movement conditions the maps on what it passed.  Without covariance this is
-the thesis' naive Bayes (8.5, 8.6).  "None of these" is one more hypothesis: any smooth map, wide.
+other.  A strong patient is strong everywhere, and evidence from earlier movements is not counted
+twice: each movement conditions the maps on the locations it passed.  Without covariance this is the
+thesis' naive Bayes (8.5, 8.6).  "None of these" is one more hypothesis: any smooth map, wide.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Hypotheses:
     def with_movement_noise(self, fit: Mapping[str, float]) -> Hypotheses:
         """With what was calibrated on other patients.
 
-        own_Nm, share: how far a person is off the map at one location, for good;
-        people_scale: of the covariance; noise_Nm: of a reading.
+        own_Nm, share: how far a person is off the map at one location, for good; people_scale: of
+        the covariance; noise_Nm: of a reading.
         """
         cells = np.arange(self.mean.shape[1])
         covariance = fit["people_scale"] * self.covariance

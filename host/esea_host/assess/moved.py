@@ -1,4 +1,4 @@
-"""A simulated knee on a simulated board: patient and therapist in a closed loop with the coupling.
+"""Simulated knee on a simulated board: patient and therapist in a loop with the coupling.
 
 The hands push the cuff by what they see and feel of the leg; the leg is moved by the torque that
 the coupling transmits.

@@ -1,7 +1,7 @@
 """From a recording of a moved leg to responses at locations: angle and rate in, extra torque out.
 
-What the leg weighs and its inertia are taken off by the tables' shares of body height and mass;
-what is left is divided by body size, so that legs of any size are comparable.
+The leg's weight and inertia, from the tables' shares of body height and mass, are subtracted; the
+rest is divided by body size, so that legs of any size are comparable.
 """
 
 from __future__ import annotations

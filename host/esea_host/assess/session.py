@@ -1,6 +1,6 @@
-"""One assessment: readings in, probabilities out; the clinician has the last word at every step.
+"""One assessment: readings in, probabilities out; the clinician can overrule every step.
 
-Everything that changed a probability stands in the trail, in order, with what it did.
+The audit trail lists everything that changed a probability, in order, with its effect.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The application: what every command of ``esea-host`` shares."""
+"""Application shared by every command of ``esea-host``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``assess``: what is known of a movement disorder of the knee, and which movement tells most."""
+"""``assess``: probabilities of knee disorders, and the most informative movement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a board keeps: ``kept``, ``blackbox``, ``life``; its key: ``pair``, ``unpair``."""
+"""Stored values of a board: ``kept``, ``blackbox``, ``life``; its key: ``pair``, ``unpair``."""
 
 from __future__ import annotations
 

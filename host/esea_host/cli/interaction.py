@@ -1,4 +1,4 @@
-"""``analyse``: the interaction study and what goes with it; ``smoothness`` for any recording."""
+"""``analyse``: interaction study and its parts; ``smoothness`` for any recording."""
 
 from __future__ import annotations
 

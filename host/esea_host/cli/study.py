@@ -1,4 +1,4 @@
-"""``esea-host study``: protocols, sessions, what becomes of the data."""
+"""``esea-host study``: protocols, sessions, replay and repair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``esea-host study``, commands on data: groups, what goes out of a study, what is deleted."""
+"""``esea-host study``, commands on data: groups, export, deletion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``study virtual``: a whole study with virtual participants; ``analyse wrist``: its tables."""
+"""``study virtual``: a study with virtual participants; ``analyse wrist``: its tables."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Commissioning of a connected board, step by step: what to do, pass or fail, a picture, a record.
+"""Commissioning of a connected board in steps: instruction, verdict, figure, record.
 
-The steps work with what every board tells and takes: the streams of its sensing task, and its own
-torque mode.  The torque is judged by :mod:`esea_gen.studies.torque_check`.
+The steps use what every board has: the streams of its sensing task, and its own torque mode.
+  The torque is judged by :mod:`esea_gen.studies.torque_check`.
 """
 
 from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct

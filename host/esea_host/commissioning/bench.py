@@ -1,4 +1,4 @@
-"""A board and the person beside it: what is asked of either, and what is captured meanwhile."""
+"""Board and operator during commissioning: requests to both, and captured data."""
 
 from __future__ import annotations
 

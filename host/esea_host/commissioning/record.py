@@ -1,4 +1,4 @@
-"""What a step found, drawn and kept: results, their pictures, and a device's record of them."""
+"""Record of a commissioning: results, figures, a device's folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Start-up of a drive: what is asked of the device, paths, recordings, checks."""
+"""Start-up of a drive: requirements, motion paths, recordings, checks."""
 
 from __future__ import annotations
 

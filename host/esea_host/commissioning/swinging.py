@@ -1,6 +1,6 @@
 """Gain, loss and offset of the adaptation, from two known masses that the drive swings.
 
-One least squares takes both swings, so that what was stated wrongly has a term of its own: a weight
+One least-squares fit covers both swings, with a term for each possible wrong statement: a weight
 that both have in common, a tilt, a damping.  The motor's torque is compared separately.
 """
 

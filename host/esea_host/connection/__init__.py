@@ -1,4 +1,4 @@
-"""A board at the other end: found, checked, listened to without a pause, commanded."""
+"""Connection to a board: identify, check, receive, command."""
 
 from esea_host.connection.device import ConnectedDevice, RunSample
 from esea_host.connection.opening import hands_at, life_told, open_device

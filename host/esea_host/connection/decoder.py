@@ -1,7 +1,7 @@
-"""Telemetry out of a stream of bytes: whole arrays, not a message at a time.
+"""Decode telemetry from bytes, in arrays rather than message by message.
 
-Frames of runs, the thousands a second, go by their bytes into arrays; every other frame is handed
-on as it came, for the session.
+Frames of runs, thousands a second, are copied as bytes into arrays; every other frame is passed
+unchanged to the session.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Connecting to a board, and what is to be said of it first."""
+"""Open a connection to a board, with its warnings."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What comes from a board, handed on to other programs as it comes: Foxglove, LSL.
+"""Live outlets of a board's telemetry to other programs: Foxglove, LSL.
 
-Both libraries are optional; who does not ask for them needs neither.
+Both libraries are optional.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Receiver thread: reads, decodes and distributes without waiting for readers.
+"""Receiver thread: read, decode and distribute without waiting for readers.
 
-Who wants rows has a queue of its own with a bound; a queue that is full loses what comes, and says
-so.  Whatever is missing becomes a :class:`Gap`, with the reason that the counters give.
+Each subscriber has a bounded queue; a full queue drops new rows and reports it.  Missing rows
+become a :class:`Gap`, with the reason from the counters.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Which compliant element is built in, from encoders under a known load.
+"""Identify the installed compliant element from encoders under a known load.
 
-The board's torque is that of the elastomer's model, whatever is built in.  Independent of it are
-the deflection, from the encoders on either side of the coupling, and the torque of a hanging mass.
-They give two numbers, by five phases, unloaded, loaded one way, unloaded, the other way, unloaded::
+The board's torque is that of the elastomer's model, for any installed element.  Independent of it
+are the deflection, from the encoders on either side of the coupling, and the torque of a hanging
+mass. They give two numbers, by five phases, unloaded, loaded one way, unloaded, the other way,
+unloaded::
 
     stiffness = 2 T / |d_plus - d_minus|
     memory    = (d_after_plus - d_after_minus) / (d_plus - d_minus)
@@ -10,9 +11,8 @@ They give two numbers, by five phases, unloaded, loaded one way, unloaded, the o
 The memory is the share of the deflection that stays after the mass is taken off: nothing with an
 ideal spring, 7 to 12 % with the elastomer of table 3.2.  It separates elements of equal stiffness.
 
-Limitations: a spring cannot be told from another spring within the limit on stiffness; friction
-between mass and coupling counts as memory; an encoder's error within the deflection counts as
-stiffness.
+Limitations: springs within the limit on stiffness are not distinguished; friction between mass and
+coupling counts as memory; an encoder's error within the deflection counts as stiffness.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cross-over's words: groups, elements, blocks; what the rest of the room shares."""
+"""Design of the cross-over: groups, elements, blocks; shared helpers."""
 
 from __future__ import annotations
 

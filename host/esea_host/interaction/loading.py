@@ -1,4 +1,4 @@
-"""Loading curves of a compliant element: branches found, stiffness with interval, hysteresis."""
+"""Loading curves of a compliant element: branches, stiffness with interval, hysteresis."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""The published numbers of chapter 6, and what follows from them without the thesis' data.
+"""Published results of chapter 6, and conclusions from them without the thesis' data.
 
-Nothing else was published of the ten people: no value of a person, so neither the medians nor an
-interval can be recomputed.  From a p value of an exact test the rank sum can, and with it
-an effect.
+No value of a single person was published, so neither the medians nor an interval can be recomputed.
+From a p value of an exact test the rank sum can be, and with it an effect.
 """
 
 from __future__ import annotations

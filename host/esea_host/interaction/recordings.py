@@ -1,4 +1,4 @@
-"""A folder of recordings, as any rig can write it: a manifest and one table a recording.
+"""Folder of recordings from any rig: a manifest and one table a recording.
 
 ``interaction.toml``::
 
@@ -16,8 +16,8 @@
     element = "spring"
     task = "tracking"
 
-A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate; where it
-has ``paused``, what counts is what came after the last pause.
+A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate; if it
+has ``paused``, only the rows after the last pause count.
 """
 
 from __future__ import annotations

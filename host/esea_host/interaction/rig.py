@@ -1,6 +1,6 @@
 """The elements of the comparison as device files, and the virtual rig: a wrist turns a handle.
 
-The rig has no motor, so the other end of the element stands still.  Its law is taken to be that of
+The rig has no motor, so the other end of the element is fixed.  Its law is assumed to be that of
 the torque sensor.  Mass of the handle is assumed.  Simulated.
 """
 

@@ -1,8 +1,8 @@
 """The tasks of the cross-over.  Input ``theta_rad``: the wrist's angle as the encoder has it.
 
-``pause`` above 0 holds a task, ``recentre`` brings a lost paddle back; both may be left out.
-Lengths in a scene are shares of half its width: 1 is the edge.  Nothing is asked of the device,
-for it has no motor: what differs is the element that was built in.
+``pause`` above 0 pauses a task, ``recentre`` returns a lost paddle; both may be left out. Lengths
+in a scene are shares of half its width: 1 is the edge.  The device gets no request, because it has
+no motor: only the installed element differs.
 """
 
 from __future__ import annotations

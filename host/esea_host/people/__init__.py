@@ -1,1 +1,1 @@
-"""Virtual participants: how they see, move and learn, whatever the study.  Simulated."""
+"""Virtual participants for any study: perception, movement, learning.  Simulated."""

@@ -17,7 +17,7 @@ References
 [4] E. Crossman, P. Goodeve, Quarterly J. Experimental Psychology 35A, 1983: Fitts' law of a linear
     feedback; N. Qian et al., Neural Computation 25, 2013: of infinite-horizon optimal control.
 [5] R. Shadmehr, F. Mussa-Ivaldi, J. Neuroscience 14, 1994: with practice, movements in a field of
-    force become again what they were.
+    force return to their original form.
 [6] R. van Beers, A. Sittig, J. Denier van der Gon, Experimental Brain Research 122, 1998: about 1
     deg; here each sample, independently.
 """

@@ -1,4 +1,4 @@
-"""A hand in a device, and one that moves in submovements; what for is the study's.  Simulated."""
+"""Simulated hands: one in a device, one that moves in submovements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A virtual participant: numbers of a person, who learns.  Simulated.
+"""Virtual participant: parameters of a person who learns.  Simulated.
 
 The wrist study moves by optimal feedback control (:mod:`esea_host.people.control`), the interaction
 study in submovements.  The numbers come from the literature, rounded; none was set by a published
@@ -59,8 +59,8 @@ class Muscle(NamedTuple):
 class Limb:
     """A wrist on one axis, without what its owner does.
 
-    inertia_kgm2: of the hand.  stiffness_Nm_rad, damping_Nms_rad: passive, about rest_rad.
-    low_rad, high_rad: anatomical range, with a stiff end.
+    inertia_kgm2: of the hand.  stiffness_Nm_rad, damping_Nms_rad: passive, about rest_rad. low_rad,
+    high_rad: anatomical range, with a stiff end.
     """
 
     inertia_kgm2: float

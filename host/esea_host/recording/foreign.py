@@ -1,7 +1,7 @@
-"""Logs of other machines, read by a mapping file, with their faults reported, not smoothed over.
+"""Logs of other machines, read by a mapping file; faults are reported, not corrected.
 
-A mapping is TOML: which column is what, in which unit, times which factor; what a broken value
-looks like; and how time runs.
+A mapping is TOML: meaning, unit and factor of each column, marks of broken values, and the time
+base.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pieces of an MCAP file that may be cut off, damaged or hostile: found, unpacked within limits.
+"""Pieces of an MCAP file that may be cut off, damaged or hostile: read within limits.
 
 Each is checked once, when the file is opened.
 """

@@ -1,6 +1,6 @@
-"""Reads an MCAP file: completeness and messages.
+"""Read an MCAP file: completeness and messages.
 
-The index at a file's end is never trusted: it only says what should be there.
+The index at a file's end is never trusted: it only lists what the file should contain.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulated movements of a passive joint, and what its encoders count of them, tick by tick."""
+"""Simulated movements of a passive joint, and its encoder counts, tick by tick."""
 
 from __future__ import annotations
 

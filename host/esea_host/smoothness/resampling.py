@@ -1,4 +1,4 @@
-"""Frames at irregular times onto a steady rate, with a report of what that did."""
+"""Resample frames at irregular times to a steady rate, with a report."""
 
 from __future__ import annotations
 

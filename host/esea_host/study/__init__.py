@@ -1,1 +1,1 @@
-"""The study engine: tasks, protocols, sessions that lose nothing, and what people are owed."""
+"""Study engine: tasks, protocols, crash-safe sessions, participants' rights."""

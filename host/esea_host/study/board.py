@@ -1,7 +1,7 @@
-"""Inputs of a session from a connected board, real or simulated, with a recording of every run.
+"""Session inputs from a connected board, real or simulated; every run is recorded.
 
-The board's limits own safety; this reads, and while the motor is armed it asks for what the task
-asks for, 0 Nm where it asks for nothing.
+The board's limits own safety; this reads, and while the motor is armed it forwards the task's
+request, or 0 Nm without one.
 """
 
 from __future__ import annotations

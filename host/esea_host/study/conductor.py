@@ -1,7 +1,7 @@
-"""A session in a thread of its own, for windows that show it and people who decide.
+"""Session in its own thread, with an interface for windows and operators.
 
-All that is asked for is done in the session's thread, so that one hand writes the log.  Windows
-read attributes that are replaced whole; none of them can hold the session up.
+All requests run in the session's thread, so that one thread writes the log.  Windows read
+attributes that are replaced atomically; no window can block the session.
 """
 
 from __future__ import annotations

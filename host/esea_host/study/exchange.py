@@ -1,8 +1,8 @@
-"""A study's data for others: rows, Parquet, and BIDS with its motion data.
+"""Export of a study's data: rows, Parquet, and BIDS with its motion data.
 
 Codes follow from the study's secret key.  There are no notes, no dates, no times of day and no seed
-of the protocol; only what completed trials gave.  While somebody is blinded, what the group decides
-is left out.
+of the protocol; only what completed trials gave.  While somebody is blinded, values that reveal the
+group are left out.
 """
 
 from __future__ import annotations

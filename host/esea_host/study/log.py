@@ -1,10 +1,9 @@
-"""The event log: append-only, one writer, on disk at once, chained so that an edit shows.
+"""Event log: append-only, one writer, on disk at once, with a hash chain.
 
-One JSON object a line, with the host's UTC time, whether its clock is synchronised, and who was
-named as the operator.  ``hash`` is SHA-256 over the line without it, which holds ``before``, the
-hash of the line above.  A line that was cut by a crash is set aside on opening, never lost.
-What a chain cannot show is a whole tail cut off: that is why the study's audit log holds the last
-hash of every session.
+One JSON object a line, with the host's UTC time, whether its clock is synchronised, and the named
+operator.  ``hash`` is SHA-256 over the line without it, which includes ``before``, the hash of the
+line above.  A line that was cut by a crash is set aside on opening, never lost. A chain cannot show
+that its end was cut off: therefore the study's audit log has the last hash of every session.
 """
 
 from __future__ import annotations
@@ -220,9 +219,9 @@ class EventLog:
 
     durable: each event waits for the disk (not for simulated people).  mend: whatever is behind a
     break is moved into a file beside the log, and a lock of another host counts as that of a dead
-    holder; taken_over: what a holder that died had left in the lock.  known: as of read_log.
-    seal: a key, by which kind and data of every event are written so that nobody reads them by
-    looking: the group of a blinded study follows from them.
+    holder; taken_over: what a holder that died had left in the lock.  known: as of read_log. seal:
+    a key, by which kind and data of every event are written so that nobody reads them by looking:
+    the group of a blinded study follows from them.
     """
 
     seal: bytes | None = None

@@ -1,4 +1,4 @@
-"""The whole list of trials, built before the first one from a private generator."""
+"""Plan of all trials, built before the first one from a private generator."""
 
 from __future__ import annotations
 

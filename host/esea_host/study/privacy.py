@@ -1,4 +1,4 @@
-"""A study's secret key: export codes, sealed values, what could identify a person.
+"""Secret key of a study: export codes, sealed values, search for personal data.
 
 ``private/key`` is random and made with the study.  Nothing in ``private`` is ever exported: the
 laboratory's list of names and consents belongs there too.

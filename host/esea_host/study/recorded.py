@@ -1,4 +1,4 @@
-"""The samples behind a session's scenes, out of what its board recorded."""
+"""Board samples behind a session's scenes, read from its recordings."""
 
 from __future__ import annotations
 

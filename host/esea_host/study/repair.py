@@ -1,4 +1,4 @@
-"""Repair of a study whose logs are broken: what is behind a break is moved aside, never deleted."""
+"""Repair of broken logs: the part after a break is moved aside, never deleted."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A study's task: a pure step, as a Block is for the board.
+"""Task of a study: a pure step, like a Block on the board.
 
-It has no clock, no window, no file and no random numbers but those of the seed that it is given, so
-a log of what went in replays to the same scenes.  Every task can be simulated.
+It has no clock, window or file, and no random numbers but those of its seed, so a log of its inputs
+replays to the same scenes.  Every task can be simulated.
 """
 
 from __future__ import annotations

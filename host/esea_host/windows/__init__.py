@@ -1,4 +1,4 @@
-"""Windows.  What they show is kept by plain objects; Qt is imported only to draw."""
+"""Windows: plain objects have the content, Qt only draws it."""
 
 from __future__ import annotations
 

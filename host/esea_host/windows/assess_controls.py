@@ -1,4 +1,4 @@
-"""What a clinician does and sees beside the plots: steps, judgements, limits, the board."""
+"""Clinician's controls beside the plots: steps, judgements, limits, the board."""
 
 from __future__ import annotations
 

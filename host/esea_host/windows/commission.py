@@ -1,4 +1,4 @@
-"""Guided screens of a commissioning: steps on the left, what to do and what came of it beside."""
+"""Guided screens of a commissioning: steps on the left, instruction and result beside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all windows share: opening and closing, menus, the stop and its keys, dark and light."""
+"""Shared parts of all windows: opening and closing, menus, STOP and its keys, themes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours, dark and light; curves keep theirs apart for people with any common colour blindness."""
+"""Colours, dark and light; curves are distinguishable with common colour blindness."""
 
 from __future__ import annotations
 

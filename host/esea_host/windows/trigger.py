@@ -1,4 +1,4 @@
-"""A trigger as an oscilloscope has it: the picture stands where a signal crosses a level."""
+"""Trigger as on an oscilloscope: freeze the picture where a signal crosses a level."""
 
 from __future__ import annotations
 

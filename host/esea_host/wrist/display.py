@@ -1,4 +1,4 @@
-"""What the wrist display shows of a board's telemetry.  No window."""
+"""Content of the wrist display from a board's telemetry.  No window."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The motor-learning task's measures on reaching to fixed targets, from any recording.
+"""Measures of the motor-learning task for reaches to fixed targets, from any recording.
 
-What fits: whether a target was reached and held, how long that took, the squared error on the way,
-how far beyond the target the hand went, speed, smoothness.  What does not: nothing is replayed that
-could be tracked, no target runs away that could leave an after-effect, and a hand on a screen has
-no FE and RU.  Lengths are shares of the distance to the target, for pixels have no size.
+Applicable: whether a target was reached and held, how long that took, the squared error on the way,
+how far beyond the target the hand went, speed, smoothness.  Not applicable: tracking and
+after-effects, because no target moves, and FE and RU, which a hand on a screen does not have.
+Lengths are shares of the distance to the target, for pixels have no size.
 """
 
 from __future__ import annotations

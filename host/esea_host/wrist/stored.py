@@ -1,4 +1,4 @@
-"""The calibration file: what a wrist calibration measured, with its hash."""
+"""Calibration file: results of a wrist calibration, with its hash."""
 
 from __future__ import annotations
 

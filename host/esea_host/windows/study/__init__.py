@@ -1,1 +1,1 @@
-"""The windows of a session: what the participant sees, and what the operator holds."""
+"""Windows of a session for participant and operator."""
