@@ -34,7 +34,7 @@ DIED = "its worker died of it each time: a crash in compiled code, or no memory 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who runs the cases.
+    """Executor of the cases.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ BARE_BOARDS = {b.processor.name.removeprefix("cortex-"): b for b in boards_for("
 
 @dataclass(frozen=True)
 class BareResult:
-    """What a board did."""
+    """Result of a bare-board run."""
 
     board: str
     core: str
@@ -76,7 +76,7 @@ def _called(command: Sequence[str | Path]) -> str:
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a program said on an emulated board, and the instructions from an entry to the next."""
+    """Output of a program on an emulated board, and the instructions from one entry to the next."""
 
     said: str
     instructions: dict[str, float]

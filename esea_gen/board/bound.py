@@ -33,7 +33,7 @@ Row = tuple[Counter[int], float]  # coefficients by unknown, and the right-hand 
 
 
 class BoundError(Exception):
-    """The object code holds something that no bound can be given for."""
+    """The object code has something without a time bound."""
 
 
 @dataclass(frozen=True)

@@ -161,7 +161,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class EmulatorResult:
-    """What a run in the emulator found."""
+    """Result of a run in the emulator."""
 
     device: str
     board: str

@@ -17,7 +17,7 @@ PC = 15
 
 
 class HeldProcessor:
-    """QEMU with an image, held at its first instruction.  Use it as a context manager."""
+    """QEMU with an image, stopped at its first instruction.  Use it as a context manager."""
 
     def __init__(self, image: FirmwareImage) -> None:
         with listening_for_qemu() as (server, channel):

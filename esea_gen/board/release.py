@@ -27,7 +27,7 @@ CHECKSUM = "coefficients_checksum"
 
 @dataclass(frozen=True)
 class TaskTimes:
-    """What the tasks of a device take on a board, at most."""
+    """Longest times of a device's tasks on a board."""
 
     device: str
     board: Board

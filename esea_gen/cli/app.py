@@ -91,7 +91,7 @@ app = typer.Typer(
 
 
 class Out:
-    """What is printed: lines as they are, tables by rich, nothing where it is ``quiet``."""
+    """Output of a command: lines unchanged, tables by rich, nothing if ``quiet``."""
 
     quiet = verbose = False
 

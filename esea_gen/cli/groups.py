@@ -20,7 +20,7 @@ from esea_gen.typed import refuse_unplain_number
 
 
 class WholeSentences(TyperGroup):
-    """Commands with the first sentence of each whole."""
+    """Group whose help shows the complete first sentence of each command."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Nothing ends in three dots."""

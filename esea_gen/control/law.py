@@ -17,7 +17,7 @@ from esea_gen.language.component import Component
 
 @dataclass(frozen=True)
 class Base:
-    """What every law stands on.
+    """Common parts that every law can use.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Base:
 
 @dataclass(frozen=True)
 class Parts:
-    """What a law adds.
+    """Parts that a law adds.
 
     Parameters
     ----------

@@ -124,7 +124,7 @@ def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserErr
 
 
 class NotANumberError(TypeError):
-    """A symbol stands where Python computes with numbers."""
+    """A symbol is used where Python needs a number."""
 
 
 @contextmanager

@@ -82,7 +82,7 @@ INPUTS = {
 
 
 class _Extra(NamedTuple):
-    """What a device has besides that has the Block of an optional section."""
+    """Parts that an optional section of the device file adds."""
 
     signals: Mapping[str, str]
     wires: Mapping[str, str] = {}

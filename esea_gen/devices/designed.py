@@ -29,7 +29,7 @@ OBSERVER_GAINS = ("gain_theta", "gain_omega_1_s", "gain_tau_Nm_rad", "gain_rate_
 
 @dataclass(frozen=True)
 class Designed:
-    """Gains of a section, what they are designed for, and what tells whether they will do here."""
+    """Gains of a section, their design values, and the check whether they suit this device."""
 
     section: str
     gains: tuple[str, ...]

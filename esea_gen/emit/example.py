@@ -64,7 +64,7 @@ class Column:
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """A base tick of the recording: inputs by column, and what each checked output must be."""
+    """A base tick of the recording: inputs by column, and the expected outputs."""
 
     given: tuple[float, ...]
     expected: tuple[float, ...]
@@ -72,7 +72,7 @@ class RecordedTick:
 
 @dataclass(frozen=True)
 class Axis:
-    """What the latch of one axis is asked and tells."""
+    """Inputs and outputs of one axis' latch."""
 
     command: External
     fault: External

@@ -36,7 +36,7 @@ _POINTERS = ("coeffs", "state", "in", "out")
 
 @dataclass(frozen=True)
 class LoopBound:
-    """What is known of one printed loop, for one whole step."""
+    """Bounds of one printed loop, for a complete step."""
 
     part: str
     var: str  # its index variable in the C; no other loop has it

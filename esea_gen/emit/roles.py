@@ -50,7 +50,7 @@ class CountedCoupling:
 
 @dataclass(frozen=True)
 class BoardRoles:
-    """Who gives a System's inputs on the board's own clock, and what the board itself looks at."""
+    """Sources of a System's inputs on a board's clock, and outputs that the board itself reads."""
 
     axes: tuple[MotorAxis, ...]  # its motors, each with limits before it
     measured: tuple[External, ...]  # inputs that its drivers give

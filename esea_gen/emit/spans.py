@@ -86,7 +86,7 @@ def span(low: float, high: float, error: float, boxes: int) -> Span:
 
 @dataclass
 class Known:
-    """Results of a kernel's nodes, by all that they follow from: a search asks again and again.
+    """Cache of a kernel's node results by their inputs, for repeated queries of a search.
 
     Of a Block's plans most values are the same, and of one plan's analyses what no state leads to.
     All analyses that share it have the same boxes and facts.

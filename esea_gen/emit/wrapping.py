@@ -21,7 +21,7 @@ _LOOSENESS = {op: k for k, group in enumerate((*_OPERATORS, *_TIGHT), 2) for op 
 
 @dataclass(frozen=True)
 class _Break:
-    """A place where a line of code may end, and where what follows begins."""
+    """A place where a line of code may break, and the start of the next part."""
 
     at: int
     after: int

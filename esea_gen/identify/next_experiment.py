@@ -113,7 +113,7 @@ def d_optimal(
 
 @dataclass(frozen=True)
 class Advice:
-    """What to record next, and what it is worth."""
+    """Next experiment and its expected information."""
 
     title: str
     motions: tuple[tuple[int, CommandedMotion], ...]  # in the order of choice, each with how often

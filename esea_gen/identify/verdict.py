@@ -89,7 +89,7 @@ class JudgedSamples:
 
 @dataclass(frozen=True)
 class TorqueWorth:
-    """One class of torque and rate; None stands for all."""
+    """Accuracy of one class of torque and rate; None is all classes."""
 
     torque: str | None  # of full scale, and of the identified domain's largest rate
     rate: str | None

@@ -46,7 +46,7 @@ from esea_gen.language.stream import OwnStreams
 
 
 class Guard(SimpleNamespace):
-    """What the guard found in this step: ``inputs_ok``, ``state_ok`` (symbols, 1 or 0)."""
+    """Result of the guard in this step: ``inputs_ok``, ``state_ok`` (symbols, 1 or 0)."""
 
     inputs_ok: ca.SX
     state_ok: ca.SX
@@ -83,7 +83,7 @@ StepFn = Callable[
 
 @dataclass(frozen=True)
 class Solved:
-    """A value that an equation defines, however it was found: its residual bounds its error.
+    """A value that an equation defines, by any solver: its residual bounds its error.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ PrepareFn = Callable[[SimpleNamespace], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Component(ABC):
-    """What runs on the controller board with a fixed period: a Block or a Program."""
+    """A unit that runs on the controller board with a fixed period: a Block or a Program."""
 
     name: str  # lower case C identifier; becomes ``esea_<device>_<name>_step``
     title: str

@@ -48,7 +48,7 @@ from esea_gen.language.stream import OwnStreams
 
 @dataclass(frozen=True)
 class Program(Component):
-    """What a Block is, with a body of loops in place of one straight-line step.
+    """A unit like a Block, with a body of loops in place of one straight-line step.
 
     Build one with :meth:`define`.
 

@@ -54,7 +54,7 @@ def coefficient_edges(block: Any, dtype: np.dtype[Any]) -> list[dict[str, float]
 
 @dataclass(frozen=True)
 class OwnStreams:
-    """The streams that a Block or Program brings along, made by functions that are given it."""
+    """Test streams of a Block or Program, made by functions that take it as argument."""
 
     # For every comparison.
     events: Callable[[Any, np.random.Generator], list[Stream]] = lambda _block, _rng: []

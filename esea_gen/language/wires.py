@@ -48,7 +48,7 @@ class External:
 
 @dataclass(frozen=True)
 class Latch:
-    """A value held for another task."""
+    """A value stored for another task."""
 
     name: str  # field of the latches struct
     source: Signal  # the output that it holds

@@ -21,7 +21,7 @@ WINDOW, LATE_ROW = 128, 32
 
 @dataclass
 class LinkHealth:
-    """What came over a link."""
+    """Counters of a link's received data."""
 
     frames: int = 0  # good ones
     bad_frames: int = 0  # those with a wrong checksum, a length that cannot be, or unknown flags

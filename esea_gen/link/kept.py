@@ -22,7 +22,7 @@ _VALUE = re.compile(r"kept (\S+) (\S+): (clipped|out of bounds|conflicting|unkno
 
 @dataclass(frozen=True)
 class KeptUse:
-    """What outlasts the power beside parameters."""
+    """Stored values other than parameters."""
 
     encoders: tuple[tuple[int, float | None], ...]  # serial (0: unnamed), kept zero in rad
     zero: str  # where the zero in force comes from: none, taken since power-on, put back
@@ -31,7 +31,7 @@ class KeptUse:
 
 @dataclass(frozen=True)
 class KeptValue:
-    """A kept parameter that is not in force as it was saved."""
+    """A stored parameter whose value in force differs from the saved one."""
 
     name: str  # full; the hash that it is kept by where this firmware has no such parameter
     value: float  # that was saved

@@ -69,7 +69,7 @@ class CommandedError(LinkError):
 
 
 class UnansweredError(LinkError):
-    """What was asked for did not come in time."""
+    """A request had no answer in time."""
 
 
 class Messenger:

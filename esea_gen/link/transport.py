@@ -186,7 +186,7 @@ FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
 
 
 class FileTransport(Transport):
-    """Bytes that a link once carried, out of a file; it takes none."""
+    """Recorded bytes of a link, read from a file; it accepts no bytes."""
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -238,7 +238,7 @@ def serial_port(place: str) -> tuple[str, int]:
 
 
 class Process:
-    """A process of ours, and what it says beside the link."""
+    """A child process and its output beside the link."""
 
     def __init__(
         self, command: Sequence[str], link: int = subprocess.DEVNULL, log_output: bool = True

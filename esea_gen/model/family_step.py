@@ -32,7 +32,7 @@ Factors = dict[Softening | None, ca.SX]
 
 @dataclass(frozen=True)
 class FamilyElement:
-    """One operator with one state: what drives it, and its gains: weight, softening, column."""
+    """One operator with one state: its drive and its gains: weight, softening, column."""
 
     kind: str
     number: float

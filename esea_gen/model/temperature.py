@@ -10,7 +10,7 @@ from esea_gen.devices.rubber import LEAST_FACTOR
 
 @dataclass(frozen=True)
 class TemperatureFactor:
-    """What multiplies every term but the offset: 1 + per_K (T - reference)."""
+    """Factor on every term but the offset: 1 + per_K (T - reference)."""
 
     reference_C: float
     per_K: float

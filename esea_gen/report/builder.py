@@ -23,7 +23,7 @@ from esea_gen.verify.verdict import Verification
 
 @dataclass(frozen=True)
 class Report(Findings):
-    """What was found of a device, as JSON, as lines of text and as a page."""
+    """Findings about a device, as JSON, as lines of text and as a page."""
 
     @property
     def kind(self) -> ModuleType:

@@ -127,7 +127,7 @@ Array = npt.NDArray[Any]
 
 @dataclass(frozen=True)
 class Run:
-    """One deflection through the device's C, whole task, on the host."""
+    """One deflection through the device's C, complete task, on the host."""
 
     label: str
     time_s: Array  # samples at the sensing rate, shape (n,)

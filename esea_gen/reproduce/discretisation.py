@@ -315,7 +315,7 @@ def motions(most_rad: float, h: float) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class ChainRow:
-    """One deflection for the sensor and one bandwidth; none: what suits each encoder."""
+    """One deflection for the sensor and one bandwidth; None: the one that suits each encoder."""
 
     deflection: str
     bandwidth_Hz: float | None
@@ -358,7 +358,7 @@ class WholeChain:
 
 
 class ChainStudy(Reproduction[WholeChain]):
-    """The whole sensing task against the continuous model, by encoder, deflection and bandwidth."""
+    """The complete sensing task against the continuous model, by encoder, input and bandwidth."""
 
     name = "chain"
     title = "The sensing task's error by encoder and deflection"

@@ -41,7 +41,7 @@ FUNCTIONAL_Hz, FUNCTIONAL_CYCLES = 0.2, 10  # five repetitions of four compressi
 
 
 class Measures:
-    """What was computed already, for the next who asks."""
+    """Cache of computed values."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say

@@ -135,7 +135,7 @@ class Printed:
 
 @dataclass(frozen=True)
 class Misprint:
-    """What is printed, what is meant, and what shows it."""
+    """A misprint: the printed value, the intended one, and the evidence."""
 
     place: str
     printed: str

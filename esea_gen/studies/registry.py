@@ -93,7 +93,7 @@ def _found(modules: Iterable[ModuleType]) -> dict[str, Study]:
 
 
 class Outcome(Protocol):
-    """What any study comes to; its JSON is ``to_dict()``, or its fields."""
+    """Result of any study; its JSON is ``to_dict()``, or its fields."""
 
     def table(self) -> list[str]: ...
 

@@ -19,7 +19,7 @@ class RanAwayError(RuntimeError):
 
 @dataclass(frozen=True)
 class ClosedLoopRun:
-    """What a run recorded, one row a tick: sampled at its start, commanded in it.
+    """Recording of a run, one row a tick: sampled at its start, commanded in it.
 
     Parameters
     ----------

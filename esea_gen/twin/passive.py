@@ -113,7 +113,7 @@ def passive_system(device: DeviceData, step_s: float = STEP_S, tick_s: float = T
 
 @dataclass(frozen=True)
 class PassiveRun:
-    """What happened in a run, at every tick: arrays of shape (ticks,)."""
+    """Recording of a run at every tick: arrays of shape (ticks,)."""
 
     time_s: Array
     tau_true_Nm: Array

@@ -28,7 +28,7 @@ CHANGE = 0.15
 
 @dataclass(frozen=True)
 class ChainError:
-    """The worst motion found for one format."""
+    """Motion with the largest error in one format."""
 
     real: str
     error_Nm: float

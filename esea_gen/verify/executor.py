@@ -151,7 +151,7 @@ def _power(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
 
 @dataclass(frozen=True)
 class KernelTrajectory:
-    """What a Block gives on a stream, in one format's bits."""
+    """Outputs and states of a Block on a stream, in one format's bits."""
 
     stream: Stream
     outputs: dict[str, Array]
@@ -309,7 +309,7 @@ BEYOND = (1e-3, 0.03, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3)
 
 @dataclass(frozen=True)
 class Setup:
-    """What ``prepare`` and ``init`` of a Block must give in one format, bit for bit."""
+    """Expected results of a Block's ``prepare`` and ``init`` in one format, bit for bit."""
 
     block: Block
     start: list[Array]

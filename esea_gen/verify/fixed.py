@@ -53,7 +53,7 @@ def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict
 
 
 class RawExecutor:
-    """Runs a planned Block in Python integers: what its C gives, bit for bit."""
+    """Runs a planned Block in Python integers, with the bits of its C."""
 
     def __init__(self, plan: BlockPlan, tunables: Mapping[str, float] | None = None) -> None:
         self.plan = plan

@@ -60,7 +60,7 @@ TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not 
 
 @dataclass(frozen=True)
 class GateReport:
-    """What the gates found on one target."""
+    """Results of the gates on one target."""
 
     device: str
     real: str
@@ -211,7 +211,7 @@ _LONGEST_S = 60.0
 
 @dataclass(frozen=True)
 class ExampleRun:
-    """What the example program said."""
+    """Output of the example program."""
 
     agree: int
     checked: int

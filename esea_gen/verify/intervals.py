@@ -20,7 +20,7 @@ from esea_gen.verify.executor import operation
 
 @dataclass(frozen=True)
 class Interval:
-    """What a computed value may be."""
+    """Possible values of a computed value."""
 
     low: float
     high: float

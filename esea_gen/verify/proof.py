@@ -29,7 +29,7 @@ SSE = ("-msse2", "-mfpmath=sse")
 
 @dataclass(frozen=True)
 class EvaResult:
-    """What the value analysis said of one Block."""
+    """Result of the value analysis of one Block."""
 
     device: str
     block: str

@@ -15,7 +15,7 @@ class Key(IntEnum):
 
 
 class Doubt(IntEnum):
-    """What the monitor doubts, each by its fault's name."""
+    """Conditions that the monitor detects, named by their faults."""
 
     NONE = 0
     SWINGS = 1
@@ -24,7 +24,7 @@ class Doubt(IntEnum):
 
 
 class Fault(IntEnum):
-    """Reason of the latch; where several causes meet in one step, the smallest number is kept."""
+    """Reason of the latch; if several causes occur in one step, the smallest number is stored."""
 
     NONE = 0
     NOT_ARMED = 1

@@ -13,7 +13,7 @@ from esea_gen.language.stream import OwnStreams, Stream, coefficient_edges, sing
 
 
 class _Joint:
-    """Inputs of the limits: a joint where all is in order, and what happens to it."""
+    """Inputs of the limits: a sound joint, then events."""
 
     def __init__(self, block: Block, steps: int, rng: np.random.Generator) -> None:
         k: Array = np.arange(float(steps))

@@ -107,7 +107,7 @@ class Stops:
 
 @dataclass(frozen=True)
 class Entry:
-    """A named value of a substep; ``slopes`` are its partial derivatives where they are given."""
+    """A named value of a substep; ``slopes`` are its partial derivatives if supplied."""
 
     symbol: ca.SX
     value: ca.SX

@@ -45,7 +45,7 @@ TUNABLE = Tunable(
 
 
 class SwingSoftening:
-    """What softens the gains of the sliding mode."""
+    """Softening of the sliding mode's gains during swings."""
 
     def __init__(self, h: float, error_lim: float, lead_high: float) -> None:
         self.h, self.lead_high = h, lead_high

@@ -25,7 +25,7 @@ from esea_gen.language.block import Solved
 
 
 class FixedRounding(Rounding):
-    """What the lowering recorded of every operation."""
+    """Rounding of every operation, as recorded by the lowering."""
 
     def __init__(self, lowered: LoweredKernel) -> None:
         super().__init__(lowered.kernel)

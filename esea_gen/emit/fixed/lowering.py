@@ -30,7 +30,7 @@ from esea_gen.emit.walker import Kernel, Node
 
 @dataclass
 class Kept:
-    """What nodes of one kernel were lowered to, with different sets of wide values."""
+    """Lowered nodes of one kernel, for different sets of wide values."""
 
     values: dict[tuple[int, ...], Value | None] = field(default_factory=dict)
     marks: dict[Hashable, int] = field(default_factory=dict)

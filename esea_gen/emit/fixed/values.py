@@ -33,7 +33,7 @@ EXACT = frozenset({"add", "sub", "neg", "fabs", "fmin", "fmax", "twice"})
 
 
 class LoweringError(UnsupportedOperationError):
-    """An operation that the q31 format cannot hold, with where, why and what would do."""
+    """An operation that q31 cannot represent, with place, reason and remedy."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def local_name(name: str, fraction: int) -> str:
 
 @dataclass(eq=False)
 class LoweringBase:
-    """What all rules share: operands in a format, ranges, messages."""
+    """Shared part of all rules: operands in a format, ranges, messages."""
 
     kernel: Kernel
     source: Callable[[int, int], Source]  # of an argument's element

@@ -152,7 +152,7 @@ def _number(fmt: FloatingFormat, condition: str) -> str:
 
 @dataclass
 class _Operands:
-    """How a node's operands are written: as conditions, as whole numbers or in the format."""
+    """C text of a node's operands: as conditions, as integers or in the format."""
 
     fmt: FloatingFormat
     kernel: Kernel

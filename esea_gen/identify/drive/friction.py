@@ -50,7 +50,7 @@ class SteadyRun:
 
 @dataclass(frozen=True)
 class Friction:
-    """What was found, at the motor shaft."""
+    """Identified friction at the motor shaft."""
 
     load_Nm: Estimate
     fc_Nm: Estimate

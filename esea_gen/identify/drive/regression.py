@@ -52,7 +52,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Coefficients, their covariance, and what is left."""
+    """Coefficients, their covariance, and residuals."""
 
     values: Array
     covariance: Array

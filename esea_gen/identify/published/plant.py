@@ -267,7 +267,7 @@ def relative_jacobian(
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What the Jacobian says at the optimum."""
+    """Uncertainty from the Jacobian at the optimum."""
 
     sigma: dict[str, float | None]  # inf: no effect; None: fixed or at a bound
     weakest: dict[str, Any]

@@ -138,7 +138,7 @@ LEAST_CONDITIONS = 3
 
 @dataclass(frozen=True)
 class Split:
-    """Recordings, divided into what trains and what judges."""
+    """Recordings, divided into training and held-out data."""
 
     condition: str  # what judges; of the file's own division "last cycles" or "as declared"
     recordings: tuple[Recording, ...]

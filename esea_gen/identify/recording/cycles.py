@@ -29,7 +29,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class DataSet:
-    """What one error figure is given for: a block of equal amplitude, or a whole file."""
+    """Samples of one error figure: a block of equal amplitude, or a complete file."""
 
     label: str
     amplitude_rad: float  # median amplitude of its cycles

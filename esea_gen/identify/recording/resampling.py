@@ -103,7 +103,7 @@ def rests_on_one(
 
 @dataclass(frozen=True)
 class LeftOut:
-    """What leaving blocks out says."""
+    """Results of leaving blocks out."""
 
     covariance: Array  # of the parameters, in their own units
     band_Nm: float  # half width that holds 95 % of the torque errors in blocks left out
@@ -162,7 +162,7 @@ def resampled(
 
 @dataclass(frozen=True)
 class _Determined:
-    """A fit in coordinates in which what determines it is the identity."""
+    """A fit in coordinates in which its information is the identity."""
 
     basis: Array  # torque by coordinate, orthonormal
     back: Array  # parameters by coordinate, shape (parameters, coordinates)

@@ -212,14 +212,14 @@ class RecordingTable(_Table):
 
 
 class ConditionTable(_Table):
-    """What several files have in common: a rate, an amplitude, a specimen."""
+    """Common conditions of several files: a rate, an amplitude, a specimen."""
 
     name: str = Field(min_length=1, description="Name in reports.")
     files: list[str] = Field(min_length=1, description="Names or patterns, as in [[recording]].")
 
 
 class SpecimenTable(_Table):
-    """What was measured, for the page of a specimen."""
+    """Description of the specimen, for its page."""
 
     name: str | None = Field(
         default=None, min_length=1, description="Its name in a table of reliability."

@@ -51,7 +51,7 @@ class FaultRow:
 
 @dataclass(frozen=True)
 class FaultRun:
-    """One fault and what became of it."""
+    """One fault and its result."""
 
     input: str
     kind: str

@@ -126,7 +126,7 @@ def all_faults(
 
 
 class Distortion:
-    """What becomes of an input from the fault on."""
+    """Change of an input from the fault on."""
 
     def __init__(
         self, fault: BoardFault, low: float, high: float, wraps: bool, whole: bool = False

@@ -44,7 +44,7 @@ REST = 0.3  # what a second axis moves of that: deviation has a third of flexion
 
 @dataclass(frozen=True)
 class FaultScene:
-    """What drive and person do when it happens."""
+    """Activity of drive and person at the time of the fault."""
 
     name: str
     person: str
@@ -135,7 +135,7 @@ class RigPlant:
 
 @dataclass(frozen=True)
 class Felt:
-    """What one fault did."""
+    """Effect of one fault on the person."""
 
     found_ticks: int | None
     reason: int

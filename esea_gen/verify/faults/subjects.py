@@ -42,7 +42,7 @@ MOST_NM = {LIMP: 0.2, CLAMPED: 1.7}
 
 
 class StretchReflex:
-    """Pulls back what was stretched a while ago, as an intended angle that is moved."""
+    """Delayed pull against stretch, as a shift of the intended angle."""
 
     def __init__(self, tick_s: float) -> None:
         self._late = deque([0.0] * round(REFLEX_DELAY_S / tick_s))

@@ -50,7 +50,7 @@ BATCH_SIZE, ASTRAY_S = 600_000, 20
 
 
 class Bench:
-    """Compiles mutants and holds them against what the C must give."""
+    """Compiles mutants and compares them with the expected results of the C."""
 
     def __init__(self, device: Device, real: str, folder: Path, kinds: Sequence[Any]) -> None:
         if not CAN_FORK:

@@ -25,7 +25,7 @@ REQUIRED_SCORE = 0.95
 
 @dataclass
 class MutationReport:
-    """What became of the mutants."""
+    """Results of the mutants."""
 
     device: str
     real: str

@@ -197,7 +197,7 @@ def mixtures(of: Hypotheses, reference: str) -> Hypotheses:
 
 
 class Evidence:
-    """What movements so far say under each hypothesis, and what the maps are after them."""
+    """Evidence of the movements so far for each hypothesis, and the conditioned maps."""
 
     def __init__(self, hypotheses: Hypotheses) -> None:
         self.h = hypotheses

@@ -76,7 +76,7 @@ STRETCHED_s, STRETCHED_MOST = 0.12, 1.4
 
 @dataclass(frozen=True)
 class KneePatient:
-    """One simulated person: leg, passive knee, and what is wrong with it."""
+    """One simulated person: leg, passive knee, and its disorder."""
 
     category: str
     spastic: float = 0.0
@@ -241,7 +241,7 @@ def stretched(rate_rad_s: Array) -> Array:
 
 @dataclass(frozen=True)
 class KneeMotion:
-    """What happened: arrays of shape (steps, patients)."""
+    """Recording of the motion: arrays of shape (steps, patients)."""
 
     time_s: Array
     angle_rad: Array

@@ -57,7 +57,7 @@ def expected_information(mean_Nm: Array, covariance_Nm2: Array, probabilities: A
 
 @dataclass(frozen=True)
 class Comfort:
-    """What the leg may be asked to do: reach, speed, and how a movement may be made."""
+    """Limits of a comfortable movement: reach, speed, way of moving."""
 
     low_rad: float = 0.0
     high_rad: float = RANGE_RAD
@@ -115,7 +115,7 @@ def probing_movement(where: Location, comfort: Comfort) -> ProbingMovement | Non
 
 @dataclass(frozen=True)
 class PlannedMovement:
-    """A comfortable movement through a cell of the map, and what it would read on its way."""
+    """A comfortable movement through a cell of the map, and the locations on its way."""
 
     cell: int
     movement: ProbingMovement

@@ -44,7 +44,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class MovementEvent:
-    """What a sample brought about; segment: of ``moved``."""
+    """Event that a sample caused; segment: of ``moved``."""
 
     kind: Literal["started", "moved", "broken", "lost", "warning"]
     time_s: float
@@ -183,7 +183,7 @@ class MovementWatch:
 
 @dataclass(frozen=True)
 class MovementVerdict:
-    """How a movement met what was asked."""
+    """Comparison of a movement with the requested one."""
 
     passage: Passage | None
     tried: bool  # an attempt at all, and not the way to its start

@@ -56,7 +56,7 @@ UNCALIBRATED = {
 
 @dataclass(frozen=True)
 class AuditEntry:
-    """One step: what was done, why, and the probabilities after it."""
+    """One step: action, reason, and the probabilities after it."""
 
     number: int
     time: str
@@ -94,7 +94,7 @@ def assessed_hypotheses(
 
 @dataclass(frozen=True)
 class _Before:
-    """What a step that is taken back leaves as it was."""
+    """State that an undone step restores."""
 
     what: str
     log_prior: Array

@@ -68,7 +68,7 @@ MassOption = Annotated[
 
 @dataclass(frozen=True)
 class _AskedSession:
-    """What was asked for; number: of the session, from 0."""
+    """The requested session; number: of the session, from 0."""
 
     study: StudyFolder
     code: str

@@ -38,7 +38,7 @@ def _print_table(title: str, heads: Iterable[str], rows: Iterable[Iterable[str]]
 
 @dataclass(frozen=True)
 class VirtualRun:
-    """What was asked of ``study virtual``."""
+    """Options of ``study virtual``."""
 
     folder: Path
     participants: int

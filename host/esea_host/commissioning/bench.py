@@ -42,7 +42,7 @@ class HandAct:
 
 @dataclass(frozen=True)
 class Capture:
-    """Rows of the sensing task, what it was given and what it gave, tick by tick."""
+    """Rows of the sensing task, its inputs and its outputs, tick by tick."""
 
     tick_s: float
     given: Array
@@ -64,7 +64,7 @@ class Capture:
 
 
 class CommissioningBench:
-    """A connected board, and somebody who does what is asked."""
+    """A connected board, and an operator who follows the instructions."""
 
     def __init__(
         self,

@@ -28,7 +28,7 @@ Path = Mapping[str, float]
 
 
 class HandledJoint:
-    """A passive joint whose motor side is turned, or held while a mass hangs on the load side."""
+    """A passive joint with its motor side turned, or fixed while a mass hangs on the load side."""
 
     def __init__(self, device: Device, axis: str) -> None:
         joint = device.file.joint
@@ -57,7 +57,7 @@ class HandledJoint:
 
 
 class SimulatedHands:
-    """Does what is asked of a person, in the virtual exoskeleton."""
+    """Follows the instructions to a person, in the virtual exoskeleton."""
 
     def __init__(
         self,

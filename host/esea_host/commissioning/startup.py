@@ -16,7 +16,7 @@ from esea_gen.language.ports import Array
 
 @dataclass(frozen=True)
 class DriveRecording:
-    """What one procedure recorded, a row a tick; ``u_Nm[k]`` is held from tick k to k + 1."""
+    """Recording of one procedure, a row a tick; ``u_Nm[k]`` applies from tick k to k + 1."""
 
     tick_s: float
     u_Nm: Array

@@ -62,7 +62,7 @@ def _run_samples(batch: Batch, wanted: tuple[str, ...]) -> Iterator[RunSample]:
 
 
 class ConnectedDevice:
-    """A board that is connected, known and listened to.
+    """A connected and identified board, whose telemetry is received.
 
     ``texts`` is what the board said in words, the oldest first; take away what you have read.
 

@@ -26,7 +26,7 @@ SLOWEST, FASTEST = 0.001, 1000.0
 
 
 class NobodyListens(Transport):
-    """The link of a recording: nothing comes, nothing can be said."""
+    """The link of a recording: it receives nothing and sends nothing."""
 
     def read(self, timeout_s: float) -> bytes:
         return b""
@@ -39,7 +39,7 @@ class NobodyListens(Transport):
 
 
 class PlayedBoard(ConnectedDevice):
-    """A recording that is listened to as a board is; whoever has subscribed gets its rows."""
+    """A recording played like a board's telemetry; every subscriber gets its rows."""
 
     def __init__(self, log: Log, speed: float = 1.0) -> None:
         if not SLOWEST <= speed <= FASTEST:

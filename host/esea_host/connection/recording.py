@@ -20,7 +20,7 @@ CLOCK_S, CLOSE_S = 1.0, 60.0
 
 
 class LiveRecording:
-    """Writes what comes, in a thread of its own; ``error`` has the reason of an early end.
+    """Writes received data in its own thread; ``error`` has the reason of an early end.
 
     A board that goes away for good leaves a gap ``disconnected`` in every stream; a full disk the
     last complete piece.  Time in the file is the board's, put onto the host's clock once, at the

@@ -101,7 +101,7 @@ def _static_Nm(device: Device, theta_rad: Array) -> Array:
 
 @dataclass(frozen=True)
 class ElementFinding:
-    """What was measured, beside what the protocol says."""
+    """Measured values, with the protocol's values."""
 
     element: str
     load_Nm: float

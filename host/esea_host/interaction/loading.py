@@ -56,7 +56,7 @@ class Branch:
 
 @dataclass(frozen=True)
 class LoadingCurve:
-    """What a loading curve says of an element.
+    """Stiffness and loss of an element from its loading curve.
 
     stiffness_Nm_rad: slope of one straight line through all loading branches, the published way;
     at_rest_Nm: that line at rest.  low, high: 95 % interval, the branches left out one by one.

@@ -52,7 +52,7 @@ def _law(device: Device) -> HostLibrary:
 
 
 class CoupledLimb:
-    """A limb that holds a handle on an element whose other side stands still; from zero."""
+    """A limb that holds a handle on an element whose other side is fixed; from zero."""
 
     def __init__(self, device: Device, limb: Limb) -> None:
         library = self._library = _law(device)

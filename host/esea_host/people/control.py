@@ -57,7 +57,7 @@ TYPICAL_NM = 0.2  # command whose noise the estimator expects; assumed
 
 @dataclass(frozen=True)
 class AxisBelief:
-    """What the hand takes its wrist and the device to be, on one axis."""
+    """The hand's internal model of its wrist and the device, on one axis."""
 
     inertia_kgm2: float
     stiffness_Nm_rad: float
@@ -185,7 +185,7 @@ def gains(
 
 
 class AxisController:
-    """Who moves one axis of a wrist: muscle, estimates and goal, kept from trial to trial."""
+    """Controller of one axis of a wrist: muscle, estimates and goal, continued over trials."""
 
     def __init__(
         self, model: PersonModel, limb: Limb, handle_kgm2: float, rng: np.random.Generator

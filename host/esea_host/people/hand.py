@@ -104,7 +104,7 @@ class ActingHand(Actor):
 
 
 class MovingHand(ActingHand):
-    """A hand that moves in submovements on what it sees late."""
+    """A hand that moves in submovements, on delayed vision."""
 
     def __init__(self, who: VirtualParticipant, aims: list[float], handle_kgm2: float) -> None:
         super().__init__(who, aims, handle_kgm2)

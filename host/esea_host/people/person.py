@@ -40,7 +40,7 @@ NO_TORQUE = (0.0, 0.0)
 
 
 class Muscle(NamedTuple):
-    """What an axis' muscles do in a frame, on any plant.
+    """Torque of an axis' muscles in a frame, on any plant.
 
     An impedance about a path that is even from ``start_rad`` to ``end_rad``, and a torque that goes
     evenly from ``torque_start_Nm`` to ``torque_end_Nm`` beside it; both together at most most_Nm.
@@ -57,7 +57,7 @@ class Muscle(NamedTuple):
 
 @dataclass(frozen=True)
 class Limb:
-    """A wrist on one axis, without what its owner does.
+    """A wrist on one axis, without its muscles.
 
     inertia_kgm2: of the hand.  stiffness_Nm_rad, damping_Nms_rad: passive, about rest_rad. low_rad,
     high_rad: anatomical range, with a stiff end.
@@ -90,7 +90,7 @@ class Limb:
 
 @dataclass(frozen=True)
 class PersonModel:
-    """Numbers of the people, before they differ.
+    """Parameters of the average person.
 
     delay_s: from the screen to a correction [3].
     reaction_s: to a target that appears; a simple choice takes about 0.25 s.

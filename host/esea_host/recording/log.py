@@ -147,7 +147,7 @@ class Table:
 
 
 class Log(LogFile):
-    """A recording, read piece by piece as it is asked for.
+    """A recording, read piece by piece on demand.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class Rows:
 
 
 class LogFile(PieceFile):
-    """A recording's file; ``judged`` says what is missing of it."""
+    """A recording's file; ``judged`` lists its missing parts."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

@@ -36,12 +36,12 @@ MOST_CANDIDATES = 100_000
 
 
 class PieceError(ValueError):
-    """Bytes that cannot be read as what they should be."""
+    """Bytes that cannot be read in the expected form."""
 
 
 @dataclass(slots=True, eq=False)
 class Piece:
-    """A chunk, or messages that stand outside one."""
+    """A chunk, or messages outside a chunk."""
 
     offset: int
     end: int

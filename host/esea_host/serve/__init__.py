@@ -86,7 +86,7 @@ class _Live(WebSocketHandler):
 
 
 class BrowserView:
-    """What the pages of a feed show and ask for; key: opens them."""
+    """Content and commands of a feed's pages; key: opens them."""
 
     def __init__(self, feed: LiveFeed) -> None:
         self.feed, self.columns = feed, AxisColumns(feed)

@@ -187,7 +187,7 @@ def _zero(drive: SimulatedBoard) -> None:
 
 
 class Hands:
-    """What somebody does at the virtual machine: lines of text, read without waiting.
+    """Actions of a person at the virtual machine: lines of text, read without waiting.
 
     ``push RAD ...``, ``lead RAD ...``: the joint, a number an axis; ``aim RAD``: the arm; ``hang
     NM``: a mass, the motor held; ``let-go 0``: it is taken off; ``spring NM_RAD``: 0: elastomer.
@@ -309,7 +309,7 @@ AIM_TICKS = 10  # from one aim to the next: a frame of a study
 
 
 class Attendant:
-    """Does at the virtual machine what a person does at a real one."""
+    """Performs at the virtual machine the actions of a person at a real one."""
 
     def __init__(self, drive: SimulatedBoard, seed: int = 0) -> None:
         self.drive = drive

@@ -24,7 +24,7 @@ ORDER, ATTENUATION_DB = 6, 30.0  # of one pass; there are two
 
 @dataclass(frozen=True)
 class Derivatives:
-    """A filtered angle and its derivatives, each of the shape of what was given.
+    """A filtered angle and its derivatives, each of the shape of the input.
 
     Parameters
     ----------

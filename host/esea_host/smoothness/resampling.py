@@ -19,7 +19,7 @@ _MOST = 10.0  # times the mean rate
 
 @dataclass(frozen=True)
 class Resampling:
-    """A signal at a steady rate, and what became of its frames."""
+    """A signal at a steady rate, with counts of used and dropped frames."""
 
     values: Array
     time_s: Array

@@ -80,7 +80,7 @@ def share(value: float, name: str) -> float:
 
 
 class StatisticResult:
-    """A result for JSON: what is infinite or missing becomes null."""
+    """A result for JSON: infinite or missing values become null."""
 
     def to_dict(self) -> dict[str, Any]:
         """Fields by name, in JSON's own types."""

@@ -21,7 +21,7 @@ _LARGEST_DZ = 20.0
 
 @dataclass(frozen=True)
 class PowerStatement(StatisticResult):
-    """What a signed-rank test of n pairs can see at a two-sided level.
+    """Smallest effect that a two-sided signed-rank test of n pairs can detect.
 
     dz, difference: the smallest mean difference that is found with this power, in standard
     deviations of the differences (infinite where none can be) and in the data's unit (NaN without a

@@ -153,7 +153,7 @@ def attainable_p(n: int) -> Array:
 
 @dataclass(frozen=True)
 class ImpliedEffect(StatisticResult):
-    """What a printed p of an exact signed-rank test says: the smaller rank sum whose p is nearest.
+    """Effect implied by a printed p of an exact signed-rank test: nearest smaller rank sum.
 
     rank_biserial: magnitude; as_printed: whether this p rounds to what was printed.
     """

@@ -125,7 +125,7 @@ def _of(stratum: str) -> str:
 
 
 class Allocations:
-    """What a study's record says of its groups.
+    """Group allocations in a study's record.
 
     A study of real people has a list.  A simulated one has the groups that follow from the
     protocol's seed until a list is made, and who has begun keeps them.

@@ -39,7 +39,7 @@ REST_SHARE = 0.1  # of the largest torque: more at rest is a zero that is not on
 
 
 class LatestRows:
-    """What a board told last, in whichever of its streams a signal is."""
+    """Latest value of a signal, from any of the board's streams."""
 
     def __init__(self, device: ConnectedDevice, always: Iterable[Tap]) -> None:
         self._device, self._always = device, {tap.stream for tap in always}

@@ -38,7 +38,7 @@ UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
 
 @dataclass(frozen=True)
 class LoggedEvent:
-    """time_s: by the session's own clock; clock: what is known of the host's, which gave utc."""
+    """time_s: by the session's own clock; clock: state of the host's, which gave utc."""
 
     number: int
     time_s: float
@@ -76,7 +76,7 @@ class LogFound:
 
 @dataclass(frozen=True)
 class MovedAside:
-    """What a repair took out of a log: the file that has it now, and the lines that are intact."""
+    """Lines that a repair removed from a log: the file that has them, and the intact lines."""
 
     file: str
     sha256: str
@@ -215,7 +215,7 @@ def _entry(line: bytes, key: Callable[[], bytes]) -> tuple[LoggedEvent, dict[str
 
 
 class EventLog:
-    """A log for appending; a lock beside it keeps every other writer out until it is closed.
+    """A log for appending; a lock beside it excludes other writers until it is closed.
 
     durable: each event waits for the disk (not for simulated people).  mend: whatever is behind a
     break is moved into a file beside the log, and a lock of another host counts as that of a dead

@@ -87,7 +87,7 @@ class GroupAllocation(_Table):
 
 
 class ProtocolFile(_Table):
-    """A whole study."""
+    """A complete study."""
 
     schema_: Literal[1] = Field(alias="schema", description="1")
     name: str = Field(pattern=r"^[a-z][a-z0-9_-]*$", description="short name")

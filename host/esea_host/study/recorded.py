@@ -21,7 +21,7 @@ CONDITION, MIDDLE = "condition", "middle"
 
 @dataclass(frozen=True)
 class TrialAttempt:
-    """A trial as often as it was begun; ended_ns is None where the recording ends within it."""
+    """One attempt at a trial; ended_ns is None if the recording ends within it."""
 
     number: int
     path: Path

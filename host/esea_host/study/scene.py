@@ -55,7 +55,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is on the screen: from ``-half_width`` to ``half_width`` either way."""
+    """Content of the screen: from ``-half_width`` to ``half_width`` in both directions."""
 
     shapes: tuple[Shape, ...] = ()
     texts: tuple[Text, ...] = ()

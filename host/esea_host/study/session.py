@@ -38,7 +38,7 @@ CHUNK = 50
 
 @dataclass(frozen=True)
 class SessionState:
-    """What a log says of its session."""
+    """State of a session according to its log."""
 
     participant: str
     plan: Plan
@@ -122,7 +122,7 @@ def _rows_after(past: list[Row], e: LoggedEvent) -> list[Row]:
 
 
 class StudySession:
-    """One participant's session; continues a log that is there, whose plan must be the same.
+    """One participant's session; continues an existing log, whose plan must be the same.
 
     source: None to change the log only; about: what it is run with, for the record.
     seal: as of :class:`~esea_host.study.log.EventLog`.

@@ -38,7 +38,7 @@ class Gauge:
 
 
 class SessionWatcher:
-    """Is told all that happens, in the session's thread; this one only draws and stops."""
+    """Receives all events in the session's thread; this one only draws and stops."""
 
     def __init__(
         self,

@@ -57,7 +57,7 @@ class TrialOutcome:
 
 @dataclass(frozen=True)
 class TaskStep:
-    """outcome: None while the trial goes on; the device's limits decide on requests."""
+    """outcome: None while the trial continues; the device's limits decide on requests."""
 
     state: Any
     scene: Scene
@@ -142,7 +142,7 @@ def _is_a(value: Any, kind: type) -> bool:
 
 
 class TaskBrokenError(Exception):
-    """A task that does not keep to what it declares: the trial fails with this as its reason."""
+    """A task that violates its declaration: the trial fails with this as its reason."""
 
 
 _TASKS: dict[str, StudyTask] = {}

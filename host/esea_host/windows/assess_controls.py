@@ -23,7 +23,7 @@ from esea_host.windows.theme import Theme, plain_label
 
 
 class ClinicControls(QWidget):
-    """Buttons and fields; what they ask for is told by signals."""
+    """Buttons and fields; signals carry their requests."""
 
     moved = Signal()
     torque_read = Signal(float)

@@ -44,7 +44,7 @@ class _Plot(PlotPanel):
 
 
 class InformationMap(_Plot):
-    """Angle x rate: where a movement would tell most now, limits, what was passed, the next one."""
+    """Angle x rate: expected information of a movement, limits, passed cells, the next one."""
 
     def __init__(self, grid: LocationGrid) -> None:
         labels = "bending of the knee [°]", "speed [°/s], + bending"

@@ -47,7 +47,7 @@ def restyle(widget: QWidget, style: str) -> None:
 
 
 class StepButton(QPushButton):
-    """What may be asked for now; if it would be refused, below its name is why."""
+    """A possible next step; if it would be refused, the reason is below its name."""
 
     def __init__(self, name: str, keys: str, job: Callable[[], object]) -> None:
         super().__init__()
@@ -102,7 +102,7 @@ class IndicatorRow(QLabel):
 
 
 class BoardBar(QWidget):
-    """What a window shows of its board or session, and its next steps."""
+    """Bar with the state of a window's board or session, and its next steps."""
 
     def __init__(self, stop_text: str) -> None:
         super().__init__()

@@ -99,7 +99,7 @@ class BoardNews:
 
 
 class LiveFeed:
-    """Fills rings from a connected board, and asks it what one sees."""
+    """Fills rings from a connected board, and requests the streams in view."""
 
     def __init__(
         self,

@@ -210,7 +210,7 @@ class _Shrinking(QVBoxLayout):
 
 
 class StopWindow(QMainWindow):
-    """A bar with STOP on top, below it what may scroll.
+    """A window with STOP in a bar on top and scrolling content below.
 
     Space, Escape and F12 stop, whatever has the focus, also in menus and dialogs; but a space that
     is typed is a space, and Escape closes an open menu, list or dialog first: held down, or pressed

@@ -41,7 +41,7 @@ WINDOWS_S = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 
 
 class LiveWindow(StopWindow):
-    """A window on a :class:`LiveFeed`; it only reads, and what it asks for is done beside it."""
+    """A window on a :class:`LiveFeed`; it only reads, and commands run beside it."""
 
     def __init__(self, feed: LiveFeed, dark: bool = False) -> None:
         super().__init__()

@@ -77,7 +77,7 @@ class BoardOperator(ABC):
 
 
 class ConstraintKeeper(BoardOperator):
-    """Asks for 0 Nm, and for the constraint while it is wanted."""
+    """Requests 0 Nm, and the constraint while it is switched on."""
 
     def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
         roles = board_roles(device.identity.device.system)

@@ -61,7 +61,7 @@ def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSign
 
 
 class AxisColumns:
-    """The columns of all streams, found by the axis that they are of."""
+    """Columns of all streams, by axis."""
 
     def __init__(self, feed: LiveFeed) -> None:
         self._feed, self._device = feed, feed.device.identity.device

@@ -58,7 +58,7 @@ def node_speeds(low_deg: float, high_deg: float, traces: Traces) -> NodeSpeeds:
 
 @dataclass(frozen=True)
 class Complaint:
-    """What is not good enough: key for the participant, words for the operator."""
+    """A defect of a calibration: key for the participant, words for the operator."""
 
     key: str
     words: KeyedText

@@ -90,7 +90,7 @@ def hand_of(limbs: Sequence[Limb]) -> CoupledHand:
 
 
 class Muscles:
-    """What the muscles of both axes do, asked once a tick."""
+    """Muscle torques of both axes, computed once a tick."""
 
     def __init__(self, board: SimulatedBoard, limbs: Sequence[Limb]) -> None:
         self._board = board

@@ -43,7 +43,7 @@ BY_STATE = {"completed": "good", "running": "measured", "failed": "alarm", "abor
 
 
 class OperatorWindow(StopWindow):
-    """A window on a :class:`Conductor`: it reads, and what it asks for is done beside it."""
+    """A window on a :class:`Conductor`: it reads, and commands run beside it."""
 
     def __init__(
         self,
