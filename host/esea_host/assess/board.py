@@ -87,7 +87,7 @@ class KneeBoard:
     # -- before the first movement -----------------------------------------------------------------
 
     def state(self) -> str:
-        """The board's own, as its last heartbeat told."""
+        """State of the board in its last heartbeat."""
         return self.device.state()
 
     def zero(self) -> None:
@@ -138,7 +138,7 @@ class KneeBoard:
         self.watch.end("")
 
     def poll(self, timeout_s: float = 0.0) -> list[MovementEvent]:
-        """What has come since the last time."""
+        """Data received since the last call."""
         events: list[MovementEvent] = []
         try:
             if self._advance is not None:

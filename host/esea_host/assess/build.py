@@ -54,7 +54,7 @@ def draw_many(root: int, per_category: int, names: Sequence[str] = CATEGORIES) -
 
 
 def simulated_people(root: int, per_category: int, say: Say) -> list[Answers]:
-    """Answers of swept patients of every category, and of none."""
+    """Responses of swept patients of every category, and without a disorder."""
     people = draw_many(root, per_category, (*CATEGORIES, RELAXED))
     out: list[Answers] = []
     for first in range(0, len(people), CHUNK):
@@ -70,7 +70,7 @@ def _swept_chunk(people: Sequence[KneePatient], root: int, first: int) -> list[A
 
 
 def _kept(call: Callable[[], Any], *key: Any) -> Any:
-    """The result of a part of the build, kept so that an interrupted one goes on after it."""
+    """Result of a part of the build, stored so that an interrupted build continues after it."""
     memory = Memory(cache_folder() / "assess-build", verbose=0)
     return memory.cache(_called, ignore=["call"])(call, _code(), CHUNK, key)
 
@@ -108,7 +108,7 @@ def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseD
 
 
 def movement_noise(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, float]:
-    """What a map, a person and a reading differ by: best log score on calibration patients.
+    """Noise of maps, persons and readings: best log score on calibration patients.
 
     Every other movement is chosen as in use, for a chooser goes where errors repeat themselves.
     """
@@ -146,7 +146,7 @@ def movement_noise(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, fl
 
 
 def none_calibration(data: ResponseDataBase, tell: Say = _nothing) -> dict[str, float]:
-    """What "none of these" is lowered by, from other people of the categories alone.
+    """Offset that lowers "none of these", from other people of the categories only.
 
     Nobody of no category is used: what such people are like is not known beforehand.
     """

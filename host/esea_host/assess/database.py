@@ -136,7 +136,7 @@ Answers = tuple[str, Array, Array, Array | None]
 
 
 def answered(people: Iterable[tuple[str, Passage]], grid: LocationGrid) -> Iterator[Answers]:
-    """What people of known categories answered at the grid's locations."""
+    """Responses of people of known categories at the grid's locations."""
     known = set()
     for name, p in people:
         found = responses_at(p, grid)
@@ -183,7 +183,7 @@ class ResponseDataBase:
         provenance: Mapping[str, Any],
         reference: str | None = None,
     ) -> ResponseDataBase:
-        """Built from what people answered, in recordings or as simulated knees."""
+        """Build from responses of people, in recordings or as simulated knees."""
         names, rows, counts, of_first = zip(*people, strict=True)
         categories = tuple(dict.fromkeys(names))
         if len(categories) < 2:
@@ -205,7 +205,7 @@ class ResponseDataBase:
 
     @property
     def diagnoses(self) -> tuple[str, ...]:
-        """Categories that a person may be said to have."""
+        """Categories that are possible diagnoses."""
         return tuple(c for c in self.categories if c != self.reference)
 
     def rows(self, category: str) -> Array:
@@ -224,7 +224,7 @@ class ResponseDataBase:
 
     @property
     def common(self) -> npt.NDArray[np.bool_]:
-        """Locations where nearly all people of every category have been: what the map covers."""
+        """Locations that nearly all people of every category have passed: the extent of the map."""
         shares = [np.isfinite(self.rows(c)).mean(axis=0) for c in self.categories]
         return np.asarray(np.min(shares, axis=0) >= 0.8)
 

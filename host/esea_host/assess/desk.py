@@ -59,7 +59,7 @@ READ_MOST = 60  # readings of a whole recording
 
 
 def long_name(name: str) -> str:
-    """A category as it is said."""
+    """Name of a category for people."""
     if "+" in name:
         return " with ".join(long_name(n) for n in sorted(name.split("+"), reverse=True))
     if name == RELAXED:
@@ -72,7 +72,7 @@ def long_name(name: str) -> str:
 
 
 def unit_of(measure: str) -> str:
-    """In what a measure of information is."""
+    """Unit of a measure of information."""
     return "nats" if measure == "expected" else "Nm"
 
 
@@ -82,7 +82,7 @@ def strength(p: float) -> str:
 
 
 def conclusion(session: Assessment) -> list[str]:
-    """What is known now, and how sure that is."""
+    """Present conclusion and its certainty."""
     ranked = sorted(session.by_name().items(), key=lambda x: -x[1])
     (first, p), (second, q) = ranked[0], ranked[1]
     made = len(session.evidence)
@@ -168,7 +168,7 @@ class ClinicDesk:
 
     @property
     def value(self) -> Array:
-        """What a movement through each cell would tell now, NaN out of reach or comfort."""
+        """Expected information of a movement through each cell, NaN out of reach or comfort."""
         if self._value is None:
             self._value = informative(self.session, self._comfort, self.measure)
         return self._value
@@ -181,7 +181,7 @@ class ClinicDesk:
 
     @property
     def answered(self) -> Location:
-        """Where the leg was when what is read at the midpoint was called forth: 60 ms before."""
+        """Position of the leg at the cause of the midpoint's reading: 60 ms before."""
         m = self.proposed
         angle, rate = m.at(0.5 * m.duration_s - LATENCY_S)
         return Location(float(angle), float(rate))
@@ -203,7 +203,7 @@ class ClinicDesk:
         self._keep()
 
     def move(self) -> str:
-        """The proposed movement, with the simulated patient; what came of it."""
+        """Make the proposed movement with the simulated patient; return its result."""
         if self.patient is None:
             raise UserError("There is no simulated patient here.", "Start with --patient.")
         # What simulates takes seconds to load: only where it is needed.
@@ -226,7 +226,7 @@ class ClinicDesk:
         return "Simulated: the therapist takes the leg to the start, and makes the movement."
 
     def judge(self, segment: Segment) -> MovementVerdict:
-        """Compare what the board measured with the movement proposed; an attempt waits."""
+        """Compare the measured movement with the proposed one; the attempt waits for a decision."""
         verdict = judge(segment, self.proposed, self.height_m, self.mass_kg)
         if verdict.tried and self.board is not None:
             self.attempt = verdict
@@ -238,7 +238,7 @@ class ClinicDesk:
         return verdict
 
     def keep(self) -> str:
-        """Take in the attempt; what of it can be used, even where it missed."""
+        """Accept the attempt; its usable part counts even if it missed."""
         verdict, wanted = self._attempted(), self.proposed
         since = len(self.session.trail)
         if verdict.passage is None:
@@ -349,7 +349,7 @@ def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> Non
 def attempted(
     desk: ClinicDesk, board: KneeBoard, say: Callable[[str], None], patience_s: float = PATIENCE_S
 ) -> str:
-    """Wait for one attempt at the movement proposed; what came of it."""
+    """Wait for one attempt at the proposed movement; return its result."""
     if trouble := board.trouble():
         raise UserError(trouble, "Write zero, or skip.")
     board.start_anew()

@@ -84,7 +84,7 @@ def fixed_protocol(data: ResponseDataBase, cells: Cells) -> list[Location]:
 
 
 def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[str, KneePatient]]:
-    """Patients of the categories, of none, between two, and of two disorders."""
+    """Patients of the categories, without a disorder, between two, and with two disorders."""
     root = EVALUATION + seed
     other = max(len(OUTSIDE_KINDS), patients // 4)
     levels = _levels(names)
@@ -205,7 +205,7 @@ def evaluate(
     jobs: int = 1,
     say: Callable[[str], None] | None = None,
 ) -> tuple[list[Met], list[Met]]:
-    """Meet patients drawn anew; the same for any number of workers."""
+    """Assess newly drawn patients; the result does not depend on the number of workers."""
     if patients < len(data.diagnoses):
         raise UserError(f"patients: {patients}.", f"Give at least {len(data.diagnoses)}.")
     if (jobs < 1 and jobs != -1) or seed < 0:

@@ -44,7 +44,7 @@ class Hypotheses:
     noise_Nm: Array
 
     def with_movement_noise(self, fit: Mapping[str, float]) -> Hypotheses:
-        """With what was calibrated on other patients.
+        """Add the noise that was calibrated on other patients.
 
         own_Nm, share: how far a person is off the map at one location, for good; people_scale: of
         the covariance; noise_Nm: of a reading.

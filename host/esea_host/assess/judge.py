@@ -21,7 +21,7 @@ BINS = 10
 
 
 def confusion(truth: Index, said: Index, rows: int, columns: int) -> Array:
-    """Counts: truth in rows, what was said in columns."""
+    """Counts: truth in rows, answers in columns."""
     out = np.zeros((rows, columns))
     np.add.at(out, (truth, said), 1)
     return out
@@ -63,7 +63,7 @@ def share_interval(hits: int, of: int) -> list[float]:
 
 
 def motions_to_confidence(m: Met) -> int:
-    """Movements until a category has 95 %; the most allowed where none gets there."""
+    """Movements until a category reaches 95 %; the maximum if no category does."""
     sure = np.flatnonzero(m.steps[:, :-1].max(axis=1) >= CONFIDENT)
     return int(min(sure[0], MOST)) if len(sure) else MOST
 

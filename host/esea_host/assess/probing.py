@@ -89,7 +89,7 @@ class ProbingMovement:
     duration_s: float
 
     def at(self, time_s: Array | float) -> tuple[Array, Array]:
-        """Angle and rate at times; held before and after."""
+        """Angle and rate at times; constant before and after."""
         u = np.clip(np.asarray(time_s, dtype=np.float64) / self.duration_s, 0, 1)
         a = self.end_rad - self.start_rad
         shape = u**3 * (10 - 15 * u + 6 * u**2)

@@ -175,7 +175,7 @@ class MovementReadings:
 
     @property
     def passed(self) -> bool:
-        """Whether what was asked was passed, within a tolerance."""
+        """Whether the requested location was passed, within a tolerance."""
         return self.distance <= 1
 
 
@@ -188,7 +188,7 @@ def nearest(p: Passage, wanted: Location) -> tuple[int, float]:
 
 
 def along(p: Passage, wanted: Location, most: int = MOST_READINGS) -> MovementReadings | None:
-    """What a movement passed, from the location that was asked outwards; None: strained all along.
+    """Locations that a movement passed, outwards from the requested one; None: strained all along.
 
     Where the location was missed by more than a tolerance, all else that was passed still counts.
     """

@@ -84,7 +84,7 @@ class MovementWatch:
     def take(
         self, time_s: float, angle_rad: float, rate_rad_s: float, torque_Nm: float, ok: bool = True
     ) -> list[MovementEvent]:
-        """One sample; what it brought about, mostly nothing."""
+        """Process one sample; return the event it causes, mostly None."""
         row = (time_s, angle_rad, rate_rad_s, torque_Nm)
         if not ok or not all(map(math.isfinite, row)):
             return self.end("angle or torque is not valid")

@@ -162,7 +162,7 @@ class Assessment:
 
     @property
     def by_hand(self) -> bool:
-        """Whether probabilities that the clinician set still stand."""
+        """Whether probabilities set by the clinician are in force."""
         return any(step.what == "clinician" for step in self._undo)
 
     def observe(self, where: Location, response_Nm: float, spread_Nm: float = 0.0) -> bool:
@@ -224,7 +224,7 @@ class Assessment:
         self._note("skipped", {"why": why})
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
-        """The clinician's own probabilities; what is not named shares the rest as it stands."""
+        """Set the clinician's probabilities; unnamed categories share the rest in proportion."""
         for name, p in probabilities.items():
             if name not in self.names:
                 raise UserError(f"category: {name!r}.", f"One of {', '.join(self.names)}.")

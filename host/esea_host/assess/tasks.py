@@ -55,7 +55,7 @@ def leg_scene(
     target_rad: float | None = None,
     location_rad: float | None = None,
 ) -> Scene:
-    """A leg from its side: thigh level, the knee in the middle; what is asked, and what is."""
+    """A leg from its side: thigh level, knee in the middle; requested and actual movement."""
 
     def shank(role: str, angle: float, share: float = 1.0, wide: float = 1.0) -> Shape:
         x, y = LEG * share * float(np.cos(angle)), -LEG * share * float(np.sin(angle))
@@ -133,7 +133,7 @@ def _known(path: str, summary: str, mixed: bool) -> tuple[ResponseDataBase, Hypo
 
 
 def assessment_of(parameters: Any, rows: Sequence[Row]) -> Assessment:
-    """What is known after the probing movements among a participant's rows."""
+    """Result of the probing movements among a participant's rows."""
     data, hypotheses = _known(parameters.database, parameters.summary, parameters.mixed)
     session = Assessment(data, hypotheses=hypotheses, clock=str)  # a step knows no clock
     for row in rows:
@@ -224,7 +224,7 @@ class ProbeTask(_KneeTask):
         return TaskStep(again, scene, outcome=TrialOutcome(row))
 
     def simulate(self, situation: Situation, rng: np.random.Generator) -> Actor:
-        """The leg of a simulated patient, and hands that follow what is shown."""
+        """The leg of a simulated patient, and hands that follow the display."""
         from esea_host.assess.simulated import probing_actor
 
         state = self.begin(situation)

@@ -110,7 +110,7 @@ def _on_knee(elbow_rad: float) -> float:
 
 
 def against_elbow(folder: Path) -> dict[str, Any]:
-    """The model fitted to a spastic elbow, and to none at all in healthy ones."""
+    """Fit the model to a spastic elbow, and to healthy ones without spasticity."""
     bare = TableFormat(kind="csv", header_line=0)
     spastic = read_table(folder / "ref_data_1.csv", ("1", "2"), bare)
     angle, torque = spastic.numbers("1"), spastic.numbers("2")

@@ -88,12 +88,12 @@ def say(lines: Iterable[object]) -> None:
 
 
 def told(text: str) -> None:
-    """What is being done, while it is: beside the result, not in it."""
+    """Show progress beside the result, not in it."""
     print(shown_lines(text), file=sys.stderr, flush=True)
 
 
 def say_left_out(lines: Sequence[str]) -> None:
-    """What is not used, and why, before anything else."""
+    """Report unused data and the reason first."""
     out.print("Left out:" if lines else "Nothing is left out.")
     say(f"  {line}" for line in lines)
 

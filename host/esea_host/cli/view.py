@@ -212,7 +212,7 @@ def wrist(
 
 
 def need_a_screen(otherwise: str) -> None:
-    """What to use where there is none, or no Qt."""
+    """Reject a window without a screen or Qt; the error names the alternative."""
     missing = [m for m in ("PySide6", "pyqtgraph") if importlib.util.find_spec(m) is None]
     if missing:
         raise UserError(f"{missing[0]} is not installed.", 'pip install "esea-gen[host]"')

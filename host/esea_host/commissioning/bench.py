@@ -127,7 +127,7 @@ class CommissioningBench:
         each: Callable[[float], bool | None] | None = None,
         turn_s: float = TURN_S,
     ) -> Capture:
-        """What the sensing task was given and gave meanwhile, without a hole."""
+        """Inputs and outputs of the sensing task meanwhile, without a gap."""
         self.device.listen(self._streams)
         queue = self.device.subscribe(self._streams)
         found: list[Batch] = []

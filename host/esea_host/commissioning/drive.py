@@ -268,7 +268,7 @@ def commanded_work(device: Device, r: DriveRecording) -> tuple[float, float]:
 def motor_sign(
     r: DriveRecording, wanted_Nm: Array, most_Nm: float, work_J: float, either_J: float
 ) -> tuple[str, str] | None:
-    """What is wrong with the directions, and the fix; None where all agree."""
+    """Error in the directions and its fix; None if all agree."""
     share = work_J / either_J if either_J else math.nan
     if not share >= LEAST_WORK_SHARE:
         told = f"the command did {work_J:+.3g} J of work on the drive, {either_J:.3g} J either way"

@@ -32,7 +32,7 @@ MARGIN_RAD, LEAST_SPAN_RAD = 0.1, 1.0
 
 
 def travel(device: Device) -> tuple[float, float]:
-    """Within what the joint is turned, ends included."""
+    """Range in which the joint is turned, ends included."""
     s = device.file.safety
     assert s is not None
     low, high = s.rom_min_rad.value + MARGIN_RAD, s.rom_max_rad.value - MARGIN_RAD

@@ -66,7 +66,7 @@ class CommissioningStep:
     needs: tuple[tuple[str, str], ...] = ()  # fields of the options, and how each is given
 
     def lacks(self, options: StepOptions) -> str:
-        """How to give what it needs and does not have; empty if it can be done."""
+        """How to supply the missing requirements; empty if there are none."""
         return ", ".join(how for name, how in self.needs if getattr(options, name) is None)
 
 
@@ -443,7 +443,7 @@ SENSOR_STEPS = (
 
 
 def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
-    """What there is to do with a device: without a motor, what a sensor has."""
+    """Steps for a device; without a motor, those of a sensor."""
     if not device.laws:
         return SENSOR_STEPS
     return STEPS if device.file.adaptation else STEPS[:-1]

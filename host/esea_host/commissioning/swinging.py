@@ -91,7 +91,7 @@ def hangs_within(device: Device, hangs_rad: float | None) -> float:
 
 
 def wanted_Nm(at_s: float, mass_Nm: float) -> float:
-    """What the drive is asked for while it swings a mass."""
+    """Desired torque while the drive swings a mass."""
     fast, slow = RATES_HZ
     half = 0.5 * LENGTH_S
     turns = fast * min(at_s, half) + slow * max(at_s - half, 0.0)
@@ -174,7 +174,7 @@ def _fitted(rows: Sequence[_Rows], tick_s: float) -> tuple[LeastSquares, LeastSq
 
 
 def judged_swings(device: Device, swings: Sequence[SwungMass], hangs_rad: float) -> JudgedSwings:
-    """What the rubber's model shows for a true torque, and whether the masses were as stated."""
+    """Modelled torque over true torque, and whether the masses were as stated."""
     rows = [_Rows.of(device, s, hangs_rad) for s in swings]
     least = min(0.5 * float(np.ptp(r.angle)) for r in rows)
     if not least >= LEAST_RAD:

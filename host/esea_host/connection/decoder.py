@@ -64,7 +64,7 @@ class _Kept:
         self.late: list[int] = []
 
     def mark(self, health: LinkHealth) -> None:
-        """What the next frame comes with."""
+        """Mark of the next frame."""
         now = len(self.frames), health.lost_frames, health.bad_frames
         before = self.changes if self.changes[-1][0] < now[0] else self.changes[:-1]
         self.changes = [*before, now]
@@ -118,7 +118,7 @@ class TelemetryDecoder(FrameScanner):
         self._runs: dict[int, tuple[bytes, int, int, int, Callable[[bytes], None]]] = {}
 
     def feed(self, data: bytes) -> tuple[list[Decoded], bytes]:
-        """What these bytes complete: rows, and all other frames one after another."""
+        """Data that these bytes complete: rows, and all other frames one after another."""
         buffer, at, whole = self._buffer + data if self._buffer else data, 0, True
         others: list[bytes] = []
         while whole:
@@ -180,7 +180,7 @@ class TelemetryDecoder(FrameScanner):
         self._listen_to(-1)
 
     def kept_back(self) -> list[tuple[bytes, int, int]]:
-        """Whole payloads since the last time, and what was counted as lost and bad by then."""
+        """Complete payloads since the last call, and the lost and bad counts by then."""
         kept = self._kept_back
         if kept is None or not kept.frames:
             return []
@@ -191,7 +191,7 @@ class TelemetryDecoder(FrameScanner):
         return [(p, lost, bad) for (a, lost, bad), b in parts for p in payloads[a:b]]
 
     def forget(self) -> None:
-        """The link was opened anew: half a frame, and what was expected next, mean nothing."""
+        """Reset after the link was reopened: drop half a frame and expected sequence numbers."""
         self.health.noise_bytes += len(self._buffer)
         self._buffer = b""
         self._next.clear()

@@ -306,7 +306,7 @@ class ConnectedDevice:
         return found
 
     def subscribe(self, streams: Collection[str] | None = None) -> Subscription:
-        """A queue of rows as they come, for whoever wants arrays.
+        """Queue of rows as they arrive, as arrays.
 
         Parameters
         ----------

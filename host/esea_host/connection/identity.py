@@ -59,7 +59,7 @@ class Identity:
         return f"{driven_by(self.controller, self.device.name)} on {self.board}"
 
     def facts(self) -> dict[str, Any]:
-        """For the record: what ran, on what, seen from where."""
+        """Facts for the record: C, board, host."""
         return {
             "device": self.device.name,
             "controller": self.controller,
@@ -79,7 +79,7 @@ class Identity:
         }
 
     def attachments(self) -> dict[str, bytes]:
-        """What a recording must carry to be understood, and computed again, on its own."""
+        """Attachments that a recording needs to be read and recomputed on its own."""
         device = self.device
         text, _ = read_file(device.name if device.shipped else device.given[0])
         text = device.toml() if device.controller else text  # with what the controller gives
@@ -198,7 +198,7 @@ def passive(device: str | None) -> Identity:
 
 
 def check_hash(device: Device, told: str, board: str, tick_us: int) -> Identity:
-    """Refuse C that is not what this tree makes of the device."""
+    """Reject a board whose C differs from the C generated for its device."""
     real = BOARDS[board].real if board in BOARDS else "f32"
     ours = format_hash(device, real)
     if told == ours:

@@ -58,7 +58,7 @@ class PlayedBoard(ConnectedDevice):
     def listen(
         self, streams: Collection[str] | None = None, rate_Hz: float | None = None
     ) -> list[str]:
-        """What is recorded comes, and nothing else; see :class:`ConnectedDevice`."""
+        """Deliver the recorded rows only; see :class:`ConnectedDevice`."""
         return [s for s in (self.streams if streams is None else streams) if s in self.log.streams]
 
     def state(self) -> str:
@@ -106,7 +106,7 @@ class PlayedBoard(ConnectedDevice):
         self.ended = True
 
     def steps(self) -> Iterator[tuple[float, list[Batch]]]:
-        """What comes a moment later: seconds since the beginning, and the rows until then."""
+        """Next part: seconds since the beginning, and the rows until then."""
         log, ours = self.log, {x.name: x.shape for x in self._layouts}
         layouts = {n: x for n, x in log.layouts.items() if ours.get(n) == x.shape}
         in_order = sorted(log.gaps, key=lambda g: g.board_ns)

@@ -76,7 +76,7 @@ class Subscription:
             self._changed.notify()
 
     def lost(self) -> tuple[Gap, ...]:
-        """What was dropped since, of streams of which nothing has come after it."""
+        """Rows dropped since then, of streams without newer rows."""
         with self._changed:
             found = tuple(self._lost.values())
             self._lost.clear()
@@ -197,7 +197,7 @@ class Receiver(Transport):
 
     @contextmanager
     def asking(self) -> Iterator[None]:
-        """What this thread asks the board ends with an error if the link breaks meanwhile.
+        """Make this thread's requests to the board fail if the link breaks meanwhile.
 
         No command that was meant for the time before is sent after a reconnection.
         """

@@ -61,7 +61,7 @@ class CouplingNumbers:
 
 
 def expected(device: Device, element: str, load_Nm: float, spring: float) -> CouplingNumbers:
-    """What an element would show under a load; the elastomer by the device's static law."""
+    """Expected values of an element under a load; the elastomer by the device's static law."""
     if element != ELASTOMER:
         return CouplingNumbers(spring, 0.0)
     most = float(device.sensor.inputs[0].high)

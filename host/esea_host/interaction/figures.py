@@ -66,7 +66,7 @@ def effects_figure(found: InteractionAnalysis) -> Figure:
 
 
 def loading_figure(theta_rad: Array, tau_Nm: Array, curve: LoadingCurve) -> Figure:
-    """The whole record, its loading branches, and the line through them."""
+    """The complete record, its loading branches, and the line through them."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.4, 3.6), layout="constrained")
         axes = figure.add_subplot()

@@ -210,7 +210,7 @@ class ElementBoard(BoardSource):
     # -- trials ------------------------------------------------------------------------------------
 
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
-        """Whoever wears the board, or plays by the hands."""
+        """The person who wears the board, or simulated hands."""
         actor = super().trial(task, situation, number)
         player, hands = None, self.hands
         if self.who is not None and hands is not None:

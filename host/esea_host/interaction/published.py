@@ -83,7 +83,7 @@ def published(table: tuple[PublishedRow, ...], task: str, metric: str) -> Publis
 
 
 def reread(table: tuple[PublishedRow, ...]) -> list[dict[str, Any]]:
-    """Each row with what follows from its p: rank sum, effect, p adjusted over the table."""
+    """Each row with the results implied by its p: rank sum, effect, p adjusted over the table."""
     adjusted = holm([row.p for row in table])
     out = []
     for row, p_holm in zip(table, adjusted, strict=True):

@@ -318,7 +318,7 @@ def _cut(trace: TrialTrace, recordings: BoardRecordings, target: Path) -> bool:
 def paused_at(
     time_s: npt.NDArray[np.float64], events: Sequence[tuple[float, str]]
 ) -> npt.NDArray[np.bool_]:
-    """At which times a task was held, by its events ``paused`` and ``resumed``."""
+    """Times of a task's pauses, by its events ``paused`` and ``resumed``."""
     found = np.zeros(len(time_s), bool)
     for at_s, name in events:
         if name in ("paused", "resumed"):

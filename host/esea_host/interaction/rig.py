@@ -197,7 +197,7 @@ class RigPlayer(MovingHand):
         return (min(max(up, -1.0), 1.0) * MOST_DEG,)
 
     def look(self, scene: Scene) -> None:
-        """What the screen tells of the own hand, and whether the paddle is there at all."""
+        """Position of the hand on the screen, and whether the paddle is shown."""
         super().look(scene)
         cursor = shape(scene, "cursor")
         if cursor is None:

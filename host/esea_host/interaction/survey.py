@@ -111,7 +111,7 @@ def survey_form(words: Words) -> str:
 
 
 def spring_against_elastomer(level: int, group: str) -> int:
-    """First against second device, said as spring against elastomer: group B's sign flips."""
+    """First against second device, as spring against elastomer: group B's sign flips."""
     return level if FIRST[group] == SPRING else -level
 
 
@@ -133,7 +133,7 @@ def read_survey(path: Path) -> Survey:
 
 
 def survey_of(people: dict[str, str], answers: dict[str, list[int]], read: str) -> Survey:
-    """Tests of answers that are already said as spring against elastomer."""
+    """Tests of answers that are already in the form spring against elastomer."""
     tests = {q: signed_rank(a) if any(a) else None for q, a in answers.items()}
     adjusted = holm([1.0 if t is None else t.p for t in tests.values()])
     return Survey(

@@ -187,7 +187,7 @@ class Paddle:
 
 
 def paddle_step(paddle: Paddle, force_Nm: float, step_s: float) -> Paddle:
-    """The paddle after a step under a force that is held: exact, whatever the step.
+    """State of the paddle after a step under a constant force: exact for any step.
 
     Its time constant is J/c = 0.91 ms, shorter than a sample at 1 kHz: Euler's method would be all
     but unstable there.

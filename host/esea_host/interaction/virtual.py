@@ -46,7 +46,7 @@ class RigSource(InputSource):
         self._player: RigPlayer | None = None
 
     def ready(self) -> Mapping[str, Any]:
-        """Nothing can be wrong with what is simulated."""
+        """Simulated inputs are always ready."""
         return {"simulated": True}
 
     def gauges(self) -> tuple[Gauge, ...]:

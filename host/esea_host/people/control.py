@@ -246,7 +246,7 @@ class AxisController:
 
     @property
     def angle_seen_rad(self) -> float:
-        """Of :attr:`angle_rad`, at the time of what is seen now."""
+        """:attr:`angle_rad` at the time of the present visual input."""
         return self._past[0][0]
 
     @property

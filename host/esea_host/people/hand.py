@@ -87,7 +87,7 @@ class ActingHand(Actor):
         return self.hold(before)
 
     def feel(self, shown_deg: Sequence[float]) -> None:
-        """How far the cursor goes for what the hand was told, once that is far enough to tell."""
+        """Learn the cursor's gain once the hand's movement is large enough."""
         hand = self.aims
         if self._first is None:
             self._first = tuple(shown_deg), tuple(hand)
@@ -115,7 +115,7 @@ class MovingHand(ActingHand):
 
     @abstractmethod
     def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
-        """Whether to move, from what is seen by now and the aims at the time of that."""
+        """Decide whether to move, from the delayed scene and the aims at its time."""
 
     def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
         before = list(self.aims)
@@ -163,7 +163,7 @@ class MovingHand(ActingHand):
         self.next_s[axis] = self.time_s + max(m.every_s, length_s if length_s > 0.6 else 0.0)
 
     def speed_seen(self, role: str) -> tuple[float, float]:
-        """Of a shape, between the two oldest scenes that are kept."""
+        """Speed of a shape between the two oldest stored scenes."""
         if len(self.seen) < 4:
             return 0.0, 0.0
         (t0, s0, _), (t1, s1, _) = self.seen[0], self.seen[3]

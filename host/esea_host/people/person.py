@@ -150,11 +150,11 @@ class VirtualParticipant:
 
     @property
     def known(self) -> float:
-        """What is expected of a target: 0 that it stands, 1 that it moves as equation 7.7."""
+        """Expected motion of a target: 0 static, 1 moving as in equation 7.7."""
         return self.fast + self.slow
 
     def learn(self, moved: bool) -> None:
-        """A target was seen to move, or to stand."""
+        """Learn from a target that moved or not."""
         error = float(moved) - self.known
         m = self.model
         self.fast = m.retain[0] * self.fast + m.learn[0] * error

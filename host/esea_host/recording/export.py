@@ -46,7 +46,7 @@ def says_simulated(table: FileTable) -> bool:
 
 
 def reported(table: FileTable) -> str:
-    """How a table was read and what was left out, and whether it is simulated."""
+    """Report how a table was read, the omitted data, and whether it is simulated."""
     return table.report() + ("; SIMULATED" if says_simulated(table) else "")
 
 

@@ -104,7 +104,7 @@ class Gap:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self | None:
-        """What :meth:`to_dict` gave, from a file; None for anything else."""
+        """Inverse of :meth:`to_dict`, from a file; None for anything else."""
         found = {f.name: content.get(f.name, f.default) for f in fields(cls)}
         texts = [found["stream"], found["reason"]]
         numbers = [found[n] for n in ("after_tick", "before_tick", "missing", "board_ns")]

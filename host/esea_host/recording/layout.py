@@ -105,7 +105,7 @@ class StreamLayout:
 
     @classmethod
     def from_json(cls, name: str, text: str) -> Self:
-        """What :meth:`to_json` wrote; refused when it cannot be that."""
+        """Inverse of :meth:`to_json`; rejects other content."""
         try:
             columns = TypeAdapter(tuple[StreamColumn, ...]).validate_json(text, strict=True)
         except ValidationError:

@@ -208,7 +208,7 @@ class Log(LogFile):
 
     @property
     def first_output(self) -> str:
-        """The stream that is shown unless another is named: what the first axis is sensed to do."""
+        """Default stream: the sensing output of the first axis."""
         outputs = [s for s in self.streams if s.endswith("_out")]
         sensed = [s for s in outputs if s.startswith("sense")]
         return next(iter([*sensed, *outputs, *self.streams]), "sense_out")

@@ -210,7 +210,7 @@ class LogFile(PieceFile):
 
     @cached_property
     def layouts(self) -> dict[str, StreamLayout]:
-        """Layout of each stream; events, and what is not ours, have none."""
+        """Layout of each stream; events and foreign topics have no layout."""
         found = {}
         for topic, numbers in self.topics.items():
             text = self.channels[numbers[0]].metadata.get(COLUMNS_KEY)

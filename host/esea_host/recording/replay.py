@@ -81,7 +81,7 @@ def verify(log: Log) -> ReplayVerdict:
 
 
 def device_of(log: Log) -> Device:
-    """The device that a recording is of; refused when this tree's C is not what made it."""
+    """Device of a recording; an error if the generated C differs from the recorded one."""
     facts = log.facts
     if "device" not in facts or "content_hash" not in facts:
         fix = "Record with esea-host." if log.whole else f"It is {log.integrity}."
@@ -154,7 +154,7 @@ class _Task:
         self.nowhere = ffi.new(f"{self.out_type} *")
 
     def rows(self, ns: Array) -> tuple[list[int], list[int]]:
-        """Rows of what it was given and told at these times; -1: none."""
+        """Rows of a task's inputs and outputs at these times; -1: missing."""
         given = _rows_at(self.given_at, ns) if self.inputs else [0] * len(ns)
         return given, _rows_at(self.told_at, ns)
 
@@ -278,7 +278,7 @@ class _Replay:
             self.step(key.tick + i, [(given[i], told[i]) for given, told in rows])
 
     def step(self, tick: int, rows: list[tuple[int, int]]) -> None:
-        """One base tick; rows: of each task, what it was given and told, -1 where nothing was."""
+        """Step one base tick; rows: inputs and outputs of each task, -1 if missing."""
         if self.release is not None:
             self.release(self.state_place, tick & 0xFFFFFFFF)
         for task, (given, told) in zip(self.tasks, rows, strict=True):

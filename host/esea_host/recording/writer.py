@@ -165,7 +165,7 @@ class Recorder:
         self.event("gap", asdict(gap))
 
     def note(self, text: str, **facts: Any) -> None:
-        """Write down what somebody saw or did."""
+        """Record an observation or action of a person."""
         self.event("note", {"text": text, **facts})
 
     def _maybe_sync(self) -> None:

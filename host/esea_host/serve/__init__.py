@@ -107,7 +107,7 @@ class BrowserView:
         }
 
     def picture(self, last: int) -> tuple[str, int]:
-        """What a page draws that has all bins up to the last one, and its last one then."""
+        """Data for a page that has all bins up to the last one, and its last one then."""
         feed, now_s = self.feed, self.feed.now_s()
         newest = max(last, math.floor(now_s / self._bin_s) - LATE_BINS)
         first = max(last + 1, newest + 1 - round(KEPT_S / self._bin_s), 0)

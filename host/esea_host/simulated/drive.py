@@ -101,7 +101,7 @@ class SimulatedBoard:
         return SteppedTwin(dataclasses.replace(self._variant, device=device))
 
     def build_in(self, spring_Nm_rad: float) -> None:
-        """Exchange the unloaded element of a drive of one axis; the board is not told."""
+        """Exchange the unloaded element of a drive of one axis, without telling the board."""
         before, plant = self.plant, self._plant_with(spring_Nm_rad)
         self.plant = self.first_plant = plant
         self._begin(plant, [before.truth()["theta_l_rad"]])
@@ -126,7 +126,7 @@ class SimulatedBoard:
         values: Mapping[str, float] | None = None,
         motion: JointMotion | None = None,
     ) -> None:
-        """What somebody does at the machine meanwhile; everything goes on from where it is."""
+        """Change the person's activity at the machine; the state continues."""
         more, self._intent = dict(values or {}), hand
         if isinstance(self.plant, SteppedTwin):
             nobody = EMPTY if len(self.axes) == 1 else NOBODY
@@ -156,7 +156,7 @@ class SimulatedBoard:
         self._start()
 
     def tick(self) -> None:
-        """One base tick of the board, and what the plant makes of its command."""
+        """One base tick of the board, and the plant's response to its command."""
         self.board.step()
         plant = self.plant
         if isinstance(plant, SteppedTwin):

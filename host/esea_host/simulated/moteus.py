@@ -72,7 +72,7 @@ class MoteusJoint:
 
 
 def serve_drive(joint: MoteusJoint, line: Terminal, ends: Callable[[], bool]) -> None:
-    """Answer what comes: a line is a millisecond of the joint, as a board sends one each tick.
+    """Answer requests: a line is a millisecond of the joint, as a board sends one each tick.
 
     So a busy computer slows both alike.  In silence the computer's time goes on, and the drive's
     watchdog with it.

@@ -73,7 +73,7 @@ def effort_Nm(device: DeviceData) -> float:
 
 
 def swinging_person(device: DeviceData) -> Iterator[Angles]:
-    """A person who pushes the load side to and fro while the motor side is held; then rests."""
+    """A person who pushes the load side to and fro while the motor side is fixed; then rests."""
     joint = device.file.joint
     assert joint is not None  # a board's device has one
     couplings = {a: SteppedCoupling(device, joint.Jh_kgm2.value) for a in device.axes}

@@ -323,7 +323,7 @@ class Attendant:
         acts.get(word, self.let_go)(number)
 
     def hang(self, load_Nm: float) -> None:
-        """Hold the motor, nobody in the joint, and hang a mass on it, without a jerk; 0: none."""
+        """Fix the motor, nobody in the joint, and hang a mass on it smoothly; 0: no mass."""
         now_Nm, self._hung_Nm, self._aim = self._hung_Nm, load_Nm, None
 
         def pulling() -> Mapping[str, float]:
@@ -335,7 +335,7 @@ class Attendant:
         self.drive.set_up(person=HANGING, hand=pulling, values=LOCKED)
 
     def let_go(self, _: float = 0.0) -> None:
-        """Let the motor go; whoever was in the joint at first holds it where it is."""
+        """Release the motor; the original person holds the joint at its present angle."""
         self._hung_Nm = 0.0
         self._lead()
 

@@ -41,7 +41,7 @@ def checked_rate(fs_Hz: float) -> float:
 
 
 def as_number(value: Any) -> float:
-    """A setting as a number; NaN, which every limit refuses, where it is none."""
+    """A setting as a number; NaN, which every limit refuses, if it is not a number."""
     plain = isinstance(value, int | float | np.integer | np.floating)
     try:
         return float(value) if plain and not isinstance(value, bool) else math.nan
@@ -50,7 +50,7 @@ def as_number(value: Any) -> float:
 
 
 def in_words(value: Any) -> str:
-    """A setting as it is told back."""
+    """A setting as text."""
     found = as_number(value)
     return str(value) if math.isnan(found) else f"{found:g}"
 
@@ -155,7 +155,7 @@ def steady_rate(time_s: ArrayLike) -> float:
 
 
 def not_aliased(found: Array, name: str, stacked: bool) -> None:
-    """Refuse what has not died down towards half the sampling rate.
+    """Reject a signal that has not decayed towards half the sampling rate.
 
     What was sampled too slowly folds back below it; little is left near half the rate in a movement
     that was sampled fast enough.

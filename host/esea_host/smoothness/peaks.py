@@ -19,7 +19,7 @@ def submovements(
     time_s: ArrayLike | None = None,
     processing: Processing | None = None,
 ) -> SmoothnessResult:
-    """Number of submovements: peaks of the speed that stand out.
+    """Number of submovements: prominent peaks of the speed.
 
     Parameters
     ----------

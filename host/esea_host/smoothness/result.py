@@ -63,7 +63,7 @@ class SmoothnessResult:
         return "larger is smoother" if self.larger_is_smoother else "smaller is smoother"
 
     def to_dict(self) -> dict[str, Any]:
-        """Fields, and what follows from them."""
+        """Fields and derived values."""
         more = {"duration_s": self.duration_s, "filter": self.filter, "sign": self.sign}
         return vars(self) | more
 

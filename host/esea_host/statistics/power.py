@@ -119,7 +119,7 @@ def participants_needed(dz: float, alpha: float = 0.05) -> int | None:
 
 
 def power_statement(n: int, sd: float = math.nan, alpha: float = 0.05) -> PowerStatement:
-    """What n pairs could have shown, whatever they did show; sd: of the differences.
+    """Detectable effect of n pairs, independent of their result; sd: of the differences.
 
     Of a family of m tests the first step of Holm's is alpha / m.  Never of the difference that was
     observed: the power of that says no more than its p.

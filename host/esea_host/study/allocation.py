@@ -43,7 +43,7 @@ class Envelope:
 
 
 def strata_of(file: ProtocolFile) -> list[str]:
-    """Every combination of levels: ``sex=f,site=Bern``; one without a name where there are none."""
+    """Every combination of levels: ``sex=f,site=Bern``; without strata, one unnamed."""
     factors = file.allocation.strata
     each = itertools.product(*factors.values())
     return [",".join(f"{f}={x}" for f, x in zip(factors, levels, strict=True)) for levels in each]
@@ -225,7 +225,7 @@ class Allocations:
         return dict(json.loads(text))
 
     def problems(self) -> list[str]:
-        """Lists of seals that are not what was written."""
+        """Sealed lists that differ from the written ones."""
         found = []
         for made in self.lists:
             try:

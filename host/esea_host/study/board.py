@@ -79,7 +79,7 @@ class LatestRows:
         self._waiting, self._last_tick, self.began_again = {}, {}, False
 
     def take(self, timeout_s: float, due_ns: int) -> None:
-        """Take in what has come, and go on to its end where that is at or after a time."""
+        """Accept received rows up to a time, if the board has reached it."""
         for batch in self._queue.take(timeout_s):
             name, ticks = batch.layout.name, batch.rows[TICK]
             if int(ticks[0]) <= self._last_tick.get(name, -1) or (ticks[1:] < ticks[:-1]).any():
@@ -322,7 +322,7 @@ class BoardSource(InputSource):
         return _Wearer(self)
 
     def begin(self, task: StudyTask, situation: Situation, number: int) -> None:
-        """Have the board hold what the task's conditions are, and its inputs at hand."""
+        """Set the task's conditions on the board and make its inputs available."""
         asked = trial_conditions(task, situation.parameters)
         self.signals.must_fit([(task, asked)])
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
@@ -366,7 +366,7 @@ class BoardSource(InputSource):
         self.say("condition", trial=number, asked=self._asked, acts=told, **now)
 
     def over(self, number: int, state: str) -> None:
-        """What was wanted holds no longer than its deadline."""
+        """End the request: the last command expires at its deadline."""
         self._asked, self._held = {}, None
         self._event("trial_end", number=number, state=state)
         self.say("link", trial=number, **self.device.health())
@@ -446,7 +446,7 @@ class BoardSource(InputSource):
         return tuple(found)
 
     def close(self) -> None:
-        """Disarm what was armed here, and end the recording; the connection is not ours to end."""
+        """Disarm a motor that was armed here, and end the recording; keep the connection open."""
         with contextlib.suppress(LinkError):
             if self.drive and self.device.state() in WORKING:
                 self.device.disarm()

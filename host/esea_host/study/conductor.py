@@ -101,7 +101,7 @@ class FrameTimes:
         return new
 
     def take(self, whole: bool) -> dict[str, Any]:
-        """Numbers since the last taking, or (whole) of every trial taken so far."""
+        """Numbers since the last call, or (whole) of every trial so far."""
         if whole:
             return self._summary(self._all) | self.facts
         taken, self._trial = self._trial, ([], [], [])
@@ -164,7 +164,7 @@ class Conductor(SessionWatcher):
 
     @property
     def state(self) -> SessionState:
-        """What the log says; while the session runs, what it said at the last look."""
+        """State from the log; while the session runs, as of the last read."""
         return self._session.state
 
     @property
@@ -176,7 +176,7 @@ class Conductor(SessionWatcher):
         self._stopped = self._stopped or reason
 
     def pause(self, on: bool) -> None:
-        """Hold a task that can be held, else the session after this trial; or go on."""
+        """Pause the task if it can pause, else the session after this trial; or resume."""
         self.paused = on
         if not on and self.phase == HELD:
             self.phase = PAUSED
@@ -211,7 +211,7 @@ class Conductor(SessionWatcher):
             self._jobs.put(partial(self._session.skip, number, reason))
 
     def repeat(self, number: int, reason: str) -> None:
-        """Have a trial again; one that runs is aborted first, and begins anew."""
+        """Repeat a trial; a running one is aborted and restarted."""
         if self._needs_reason(keyed("operator.not_repeated", number=number), reason):
             self._repeat({number}, reason)
 

@@ -20,7 +20,7 @@ _OWN = ("trial", "name", "at_s")  # the engine's, in every event
 
 
 def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
-    """What a part of a task returns; what it raises fails the trial, and the session goes on."""
+    """Result of a part of a task; an exception fails the trial, and the session continues."""
     try:
         return part(*given)
     except (TaskBrokenError, UserError):
@@ -37,7 +37,7 @@ def longest_trial_s(task: StudyTask, parameters: Any) -> float:
 
 
 def trial_conditions(task: StudyTask, parameters: Any) -> dict[str, float]:
-    """What the device must hold during a trial, by the task's own word."""
+    """Conditions of the device during a trial, as declared by the task."""
     return _numbers_of(task, lambda: task.conditions(parameters))
 
 

@@ -100,7 +100,7 @@ def new_codes(study: StudyFolder) -> dict[str, str]:
 
 
 def veil(study: StudyFolder, labels: bool = False) -> Callable[[Row], dict[str, Any]]:
-    """Hides what the group decides in a row, while operator or analyst is blinded.
+    """Hides columns that reveal the group, while operator or analyst is blinded.
 
     labels: conditions are told apart by neutral names, for a blinded analysis.
     """
@@ -136,7 +136,7 @@ def shared_rows(study: StudyFolder, labels: bool = False) -> list[dict[str, Any]
 
 
 def omissions(study: StudyFolder) -> list[str]:
-    """What neither exports nor analyses use, and why: a line each."""
+    """Data that neither exports nor analyses use, and why: a line each."""
     found, gone = list[str](), {}
     entries = study.audited(strict=False)
     if rehearsed := sum(kind == "rehearsal" for kind, _ in entries):
@@ -175,7 +175,7 @@ def omissions(study: StudyFolder) -> list[str]:
 
 
 def known_words(study: StudyFolder) -> set[str]:
-    """Texts that a row can have by the protocol and its tasks: none of them is free text."""
+    """Texts that protocol and tasks can write into a row: free text is not among them."""
     found = {LEFT_OUT, *veiled_names(study).values()}
 
     def collect(value: Any) -> None:

@@ -41,7 +41,7 @@ class DeviceSignals:
         self._streams = {name: f"{task.name}_out" for task, name in reversed(told)}
 
     def tap(self, signal: TaskSignal, name: str = "") -> Tap | None:
-        """Where a signal is told; None where it is not."""
+        """Stream of a signal; None if the board has no such signal."""
         column = of_axis(signal.quantity, self._axis(signal))
         stream = self._streams.get(column) if self._known(signal) else None
         degrees = name.endswith("_deg") and signal.quantity.endswith("_rad")
@@ -87,7 +87,7 @@ class DeviceSignals:
         return name if allowed and name in self.wanted_names else None
 
     def lacks(self, task: StudyTask, conditions: Mapping[str, float]) -> list[str]:
-        """What a task needs and the device has not, a sentence each."""
+        """Requirements of a task that the device lacks, a sentence each."""
         here, found = self.device.name, []
         named = " and ".join(a or "without a name" for a in self.axes)
         axes = f"its axes are {named}" if len(self.axes) > 1 else f"its only axis is {named}"

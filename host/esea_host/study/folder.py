@@ -141,7 +141,7 @@ class StudyFolder:
             yield log
 
     def trail(self, strict: bool = True) -> list[LoggedEvent]:
-        """Entries of the audit trail; strict=False: of a broken one what can be read."""
+        """Entries of the audit trail; strict=False: the readable ones of a broken trail."""
         path = self.path / AUDIT
         found = read_log(path, self._found)
         if found is not self._found:
@@ -196,7 +196,7 @@ class StudyFolder:
         return sorted(k for k in self.ends() if k[0] not in gone and not self.begun(*k))
 
     def read(self, code: str, session: int, path: Path) -> SessionState:
-        """What the log in this place says, if it is of this place and as it was when it ended."""
+        """State from the log in this place, if it belongs here and is as it was when it ended."""
         log, wrong = read_log(path).sound(path), ""
         state = state_of(log, path)
         if code not in self._with("enrol"):
@@ -447,7 +447,7 @@ class StudyFolder:
         return list(entry["strata"])
 
     def disclose(self, code: str, opening: str = "") -> str:
-        """Disclose the group for the first session; returns what the operator may know of it."""
+        """Disclose the group for the first session; return the part that the operator may see."""
         with self._trail() as trail:
             self._must_be_here(code)
             allocations = self.allocations

@@ -161,7 +161,7 @@ def _behind_s(utc: str, before: str) -> float:
 
 
 def read_log(path: Path, known: LogFound | None = None) -> LogFound:
-    """What a log holds; known: what was read of it before, of which only the end is checked."""
+    """Content of a log; known: an earlier read, of which only the end is checked."""
     with path.open("rb") as file:
         if known is not None and known.entries and not known.breaks:
             file.seek(known.sound_bytes - len(known.last_line))

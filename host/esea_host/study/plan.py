@@ -65,7 +65,7 @@ def generator(*words: int) -> np.random.Generator:
 
 
 def group_of(protocol: Protocol, index: int) -> str:
-    """Group by the protocol's seed, for simulated people: whoever has the seed can predict it."""
+    """Group by the protocol's seed, for simulated people: anyone with the seed can predict it."""
     groups = sorted(protocol.file.groups)
     if not groups:
         return ""

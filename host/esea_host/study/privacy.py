@@ -124,7 +124,7 @@ SHOWN = 6
 def findings(
     folder: Path, codes: Collection[str], people: Collection[str], words: Collection[str]
 ) -> list[str]:
-    """What in exported files could identify a person; words: those that the protocol has."""
+    """Content of exported files that could identify a person; words: those of the protocol."""
     found = []
     holders: dict[tuple[str, str], dict[str, set[str]]] = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):

@@ -127,7 +127,7 @@ class Protocol:
         return words_of(language)
 
     def line(self, *loc: str | int) -> str:
-        """``protocol.toml, line 12``: where something stands."""
+        """Place of an entry: ``protocol.toml, line 12``."""
         found = line_of(self.text, loc)
         return f"{self.origin}, line {found}" if found else self.origin
 
@@ -148,7 +148,7 @@ def parse_protocol(
     runs: bool = True,
     texts: Sequence[TaskCode] = (),
 ) -> Protocol:
-    """From text; runs=False: no code is run, and what depends on a task is not checked."""
+    """Parse from text; runs=False: no code is run, and checks that need a task are omitted."""
     document = parse_toml(text, origin, SEE)
     file = checked(ProtocolFile, document, origin, lambda _: "", text)
     bare = Protocol(file, text, origin)

@@ -44,7 +44,7 @@ RECORDS: Mapping[str, Mapping[str, type | tuple[str, ...]]] = {
 
 
 def lack(kind: str, data: Mapping[str, Any]) -> str:
-    """What an entry does not hold, or holds wrongly; empty: nothing."""
+    """Missing or wrong fields of an entry; empty: it is correct."""
     found = []
     for name, kind_of in RECORDS.get(kind, {}).items():
         value = data.get(name)

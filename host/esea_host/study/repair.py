@@ -11,7 +11,7 @@ from esea_host.study.records import AUDIT
 
 
 def repair(study: StudyFolder) -> list[str]:
-    """Have every log end before its first break; what was done, a sentence each.
+    """Cut every log before its first break; return the actions, a sentence each.
 
     Entries of the audit trail behind the break that are intact in themselves are entered again.
     """

@@ -324,7 +324,7 @@ class StudySession:
         self._reread()
 
     def repeat(self, number: int, reason: str) -> None:
-        """Have a trial again: what it gave no longer counts, and stays on record."""
+        """Repeat a trial: its earlier data no longer counts, and stays on record."""
         if not reason:
             raise UserError(f"Trial {number} is not repeated without a reason.", "Give one.")
         self._reread()

@@ -55,7 +55,7 @@ class SessionWatcher:
         """No trial runs: the moment to skip, to repeat, or to make the session wait."""
 
     def waits(self, words: str) -> None:
-        """Something is waited for, and what to do; empty: no longer."""
+        """Report what the session waits for, and the action to take; empty: no longer."""
 
     def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
         """A rest: called to pass the time of the source."""
@@ -97,7 +97,7 @@ class InputSource(ABC):
         """Check zero and limits; a key ``problem`` keeps the session from starting."""
 
     def before(self, trial: PlannedTrial) -> str:
-        """What keeps the coming trial from beginning: it stays to be done, and the session ends."""
+        """Reason why the next trial cannot begin: it remains to be done, and the session ends."""
         return ""
 
     @abstractmethod

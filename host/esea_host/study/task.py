@@ -108,7 +108,7 @@ class StudyTask(ABC):
         """How long a trial can take."""
 
     def conditions(self, parameters: Any) -> Mapping[str, float]:
-        """What the device must hold from before the first step to the last."""
+        """Conditions of the device from before the first step to the last."""
         return {}
 
     @abstractmethod

@@ -51,7 +51,7 @@ class Words(Formatter):
         return self(text.key, **text.values) if isinstance(text, KeyedText) else text
 
     def or_same(self, table: str, word: str) -> str:
-        """The text of a word, or the word where there is none."""
+        """The text of a word, or the word itself if it has no text."""
         return self.texts.get(f"{table}.{word}", word)
 
     def scene(self, key: str, values: Mapping[str, Any]) -> str:

@@ -31,7 +31,7 @@ class VirtualArm(QWidget):
 
     @property
     def angle_rad(self) -> float:
-        """Of the joint, as the board told it last; 0 is a forearm that hangs straight down."""
+        """Last reported angle of the joint; 0 is a forearm that hangs straight down."""
         row = self._feed.rings[self._shown.stream].newest()
         return 0.0 if row is None else float(row[self._shown.column])
 

@@ -108,7 +108,7 @@ class AssessWindow(StopWindow):
         self.fill(column_of(row_of((self.now, 1), self.settled), (self._both, 1)))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """On a small screen what is done stands above what is seen."""
+        """On a small screen put the controls above the plots."""
         super().resizeEvent(event)
         small = self.width() < STACKED_PX[0]
         self._both.setOrientation(Qt.Orientation.Vertical if small else Qt.Orientation.Horizontal)

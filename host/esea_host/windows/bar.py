@@ -41,7 +41,7 @@ def stop_style(text: str) -> str:
 
 
 def restyle(widget: QWidget, style: str) -> None:
-    """Qt computes a style anew even where it is the same."""
+    """Set a style only if it changed: Qt recomputes it otherwise."""
     if widget.styleSheet() != style:
         widget.setStyleSheet(style)
 
@@ -194,14 +194,14 @@ class BoardBar(QWidget):
         self.state.setMinimumWidth(max(1, min(needed, room)))
 
     def tell(self, words: str, theme: Theme, *, alarm: bool = False, said: str = "") -> None:
-        """words: of the state, or an alarm; said: what was answered last."""
+        """words: of the state, or an alarm; said: the last answer."""
         self.words.setText(words)
         colour, weight = (theme.alarm, "bold") if alarm else (theme.ink, "normal")
         restyle(self.words, f"color: {colour}; font-weight: {weight}; font-size: 11pt")
         self.said.setText(self._notice if time.monotonic() < self._until_s else said)
 
     def notice(self, text: str) -> None:
-        """Show a text for a while, whatever else is told."""
+        """Show a text for some time, before any other message."""
         self._notice, self._until_s = text, time.monotonic() + NOTICE_S
         self.said.setText(text)
 

@@ -57,7 +57,7 @@ class StopSender:
         self._asks.put(True)
 
     def close(self) -> None:
-        """What was asked before is sent."""
+        """Send pending requests, then close."""
         self._asks.put(False)
         self._thread.join(1.0)
 
@@ -135,7 +135,7 @@ class LiveFeed:
 
     @property
     def silent(self) -> bool:
-        """Whether what is known of the board is old."""
+        """Whether the last data of the board is old."""
         receiver = self.device.receiver
         if isinstance(self.device, PlayedBoard):
             return False
@@ -143,7 +143,7 @@ class LiveFeed:
         return gone or time.monotonic() - self.came_s > SILENT_S
 
     def lost_text(self) -> str:
-        """Since when nothing comes, why, and what was known last."""
+        """Start and cause of the silence, and the last known state."""
         receiver, seconds = self.device.receiver, time.monotonic() - self.came_s
         text, next_step = receiver.away_text(), "Reconnecting."
         if not receiver.away:
@@ -165,7 +165,7 @@ class LiveFeed:
         self.rings[batch.layout.name].extend(batch)
 
     def ask(self) -> None:
-        """Do what was asked for, then look at state, fault and health."""
+        """Execute requests, then read state, fault and health."""
         while not self._jobs.empty():
             what, job, breaks = self._jobs.get()
             if breaks != self.device.receiver.breaks:
@@ -191,7 +191,7 @@ class LiveFeed:
         return self.values
 
     def zero(self) -> None:
-        """Ask for a zero; whether it was taken is told, for the board itself does not."""
+        """Request a zero and report its result, which the board itself does not show."""
         self.zero_s = time.monotonic()
         self.do("Zero", self.device.zero)
 
@@ -384,7 +384,7 @@ def curve(stretch: Stretch, values: Floats, most_points: int) -> tuple[Floats, F
 
 
 def spans(time_s: Floats, held: Array, joined_s: float) -> list[tuple[float, float]]:
-    """From when to when something held; nearer than ``joined_s`` they count as one."""
+    """Intervals in which something was true; gaps below ``joined_s`` are closed."""
     edges = np.flatnonzero(np.diff(held.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     if not len(edges):
         return []

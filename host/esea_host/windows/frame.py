@@ -119,7 +119,7 @@ def run_until_closed(
 
 
 def called(job: Job) -> Callable[..., None]:
-    """A slot that leaves out what Qt's signal tells."""
+    """A slot that ignores the arguments of Qt's signal."""
 
     def slot(*_: object) -> None:
         job()
@@ -128,7 +128,7 @@ def called(job: Job) -> Callable[..., None]:
 
 
 def takes_letters(widget: QWidget | None) -> bool:
-    """Whether a space is a space there: a number, also in a table, has none."""
+    """Whether a widget accepts spaces as text; number fields, also in a table, do not."""
     parent = widget and widget.parentWidget()
     over = parent and parent.parentWidget()
     number = isinstance(widget, NumberField) or isinstance(over, QTableWidget)
@@ -166,7 +166,7 @@ def labelled(text: str, field: QWidget) -> QLabel:
 
 
 def name_fields(window: QWidget) -> None:
-    """Name for a screen reader what takes the focus and has no label: by words in or around it."""
+    """Name unlabelled focusable widgets for a screen reader, by words in or around them."""
     for field in window.findChildren(QWidget):
         place, words = field.parentWidget(), field.accessibleName()
         words = words or getattr(field, "placeholderText", str)() or field.toolTip()
@@ -240,7 +240,7 @@ class StopWindow(QMainWindow):
         application.installEventFilter(self)
 
     def fill(self, layout: QLayout, *, reads: bool = False) -> None:
-        """What the window is about, below the bar; where it does not fit it scrolls.
+        """Set the content below the bar; it scrolls if it does not fit.
 
         reads: a long text makes it scroll; else plots give way to it.
         """
@@ -274,7 +274,7 @@ class StopWindow(QMainWindow):
     def add_board_steps(
         self, feed: LiveFeed, drives: bool, before_disarm: Job = lambda: None
     ) -> None:
-        """Zero, Arm and so on, in the bar and by key; what would be refused is not sent."""
+        """Add Zero, Arm and so on to bar and keys; commands that would be refused are not sent."""
         device = feed.device
 
         def disarm() -> None:
@@ -331,7 +331,7 @@ class StopWindow(QMainWindow):
         return self.stop_asked_s > 0 and waited_s > UNCONFIRMED_S
 
     def alarms(self, feed: LiveFeed) -> list[str]:
-        """What somebody has to know of a board at once."""
+        """Alarms of a board."""
         unconfirmed = self.stop_unconfirmed(feed.news.state)
         return [NOT_CONFIRMED, *board_alarms(feed)] if unconfirmed else board_alarms(feed)
 

@@ -206,7 +206,7 @@ class LiveWindow(StopWindow):
         return bool(self._frozen)
 
     def pause(self, on: bool | None = None, *_: object) -> None:
-        """Hold the picture, or go on; rows are kept and recorded meanwhile."""
+        """Freeze or resume the picture; rows are stored and recorded meanwhile."""
         hold = not self.paused if on is None else on
         if hold != self.paused:
             self._frozen = {n: r.last() for n, r in self.feed.rings.items()} if hold else {}

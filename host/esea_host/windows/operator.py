@@ -39,7 +39,7 @@ class BoardOperator(ABC):
 
     @abstractmethod
     def asked(self, now_s: float) -> Mapping[str, float]:
-        """What is wanted at a time, beside the torque mode."""
+        """Request at a time, beside the torque mode."""
 
     def turn(self, now_s: float) -> None:
         """One request; ``now_s`` rises from turn to turn."""

@@ -68,7 +68,7 @@ class ParameterEditor(QWidget):
         self._compared()
 
     def differences(self) -> tuple[dict[str, float], list[str]]:
-        """What would be written, and what is wrong with the rest."""
+        """Changes that would be written, and errors in the others."""
         wanted, faults = {}, []
         for row, p in enumerate(self.known):
             new, held = self.table.item(row, NEW), self.table.item(row, NEW - 1)
@@ -90,7 +90,7 @@ class ParameterEditor(QWidget):
         self.write_button.setEnabled(bool(wanted) and not faults)
 
     def write(self) -> None:
-        """Send what is shown as changed; the board refuses while the motor is on."""
+        """Send the displayed changes; the board refuses while the motor is on."""
         wanted, faults = self.differences()
         if faults:
             return

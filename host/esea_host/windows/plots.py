@@ -58,7 +58,7 @@ class PlotPanel:
         item.getAxis("left").tickSpacing = _apart
 
     def dress(self, theme: Theme, more: str = "") -> None:
-        """Title with what comes after it, labels, axes and grid."""
+        """Title with its suffix, labels, axes and grid."""
         self.item.setTitle(f"<b>{self.title}</b>{more}", color=theme.ink, size="9pt")
         view = self.item.getViewWidget()
         if self.title not in (names := view.accessibleName()):
@@ -188,7 +188,7 @@ class Cursors:
                 plot.cursors[which].setValue(line.value())
 
     def move(self, part: float) -> None:
-        """Move the chosen one by a part of what is seen."""
+        """Move the selected cursor by a part of the visible range."""
         left_s, right_s = self._span()
         line = self._plots[0].cursors[self._active]
         line.setValue(line.value() + part * (right_s - left_s))

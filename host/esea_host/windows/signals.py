@@ -79,7 +79,7 @@ class AxisColumns:
         ]
 
     def limits(self, head: Head, axis: str) -> tuple[float, float]:
-        """The limits of a plot in its unit, as the board told them last; NaN before."""
+        """Limits of a plot in its unit, as last reported by the board; NaN before."""
         found = []
         for name in head[2:]:
             sign, own = (-1.0, name[1:]) if name[0] == "-" else (1.0, name)
@@ -94,7 +94,7 @@ class AxisColumns:
         return [(head, signals) for head, signals in found if signals]
 
     def readouts(self, axis: str, newest: Shown) -> Iterator[tuple[str, str]]:
-        """What is shown large: caption and number; a dash where it is not known."""
+        """Large readouts: caption and number; a dash if unknown."""
 
         def last(signal: ShownSignal, places: int, scale: float = 1.0) -> str:
             values = signal.values(newest)
@@ -109,7 +109,7 @@ class AxisColumns:
                 yield caption, last(signal, 0, scale)
 
     def flags(self, axis: str) -> list[tuple[str, LimitFlag]]:
-        """What may be reported of an axis, each with its stream."""
+        """Possible flags of an axis, each with its stream."""
         found = limit_flags(self._device, axis)
         return [(self._streams[f.word], f) for f in found if f.word in self._streams]
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:  # the browser view takes the colours without Qt
 
 
 def plain_label(text: str = "") -> QLabel:
-    """A label of what came from elsewhere: a tag in it is shown, and does nothing."""
+    """Label for external text: tags are shown as text."""
     from PySide6.QtCore import Qt
     from PySide6.QtWidgets import QLabel
 

@@ -50,7 +50,7 @@ class Trigger:
     _from_s: float = -math.inf
 
     def look(self, stretch: Stretch, values: Floats, window_s: float) -> float:
-        """The crossing to show now: the newest whose picture is whole."""
+        """Crossing to show now: the newest with a complete picture."""
         if self.done or not len(values):
             return self.last_s
         whole_s = stretch.time_s[-1] - (1 - BEFORE) * window_s

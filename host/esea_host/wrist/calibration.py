@@ -68,7 +68,7 @@ class Complaint:
 def quality(
     low_deg: float, high_deg: float, traces: Traces, least_passes: int = LEAST_PASSES
 ) -> list[Complaint]:
-    """What is wrong with movements so far: too slow, not far enough, too few passes."""
+    """Defects of the movements so far: too slow, too small, too few passes."""
     found: list[Complaint] = []
     width = high_deg - low_deg
     if traces:

@@ -210,7 +210,7 @@ def advance(
 
 
 def target_distance_deg(smallest_deg: float) -> float:
-    """Where targets stand: a fifth of the smallest range, a quarter where that is too near."""
+    """Distance of targets: a fifth of the smallest range, a quarter if that is too near."""
     for share in (SHARE, LARGER_SHARE):
         if share * smallest_deg > WITHIN_DEG:
             return share * smallest_deg

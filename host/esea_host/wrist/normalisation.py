@@ -146,7 +146,7 @@ class CursorMap:
 
 
 def plain_map(speeds: NodeSpeeds, factor: float = 1.0) -> CursorMap:
-    """A map with one factor everywhere: none (1), or linear scaling."""
+    """Map with one factor everywhere: unchanged (1), or linear scaling."""
     flat = RbfNetwork(np.zeros(1), np.zeros(1), SPACING_DEG, factor, 0.0)
     return CursorMap(speeds.middle_deg, speeds.low_deg, speeds.high_deg, flat)
 

@@ -45,7 +45,7 @@ class ScreenReach:
 
 
 def reaches(table: Table) -> tuple[ScreenReach, ...]:
-    """Every reach of a recording, without what came before the first target changed."""
+    """Every reach of a recording, from the first change of target on."""
     missing = [c for c in COLUMNS if c not in table.names]
     if missing:
         raise UserError(

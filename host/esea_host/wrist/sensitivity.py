@@ -90,7 +90,7 @@ def effects_of(result: WristResult) -> dict[str, float | None]:
 
 
 def conclusion(effect: float | None) -> str:
-    """What is concluded: more, less, or neither; none where nothing can be compared."""
+    """Conclusion: more, less, or neither; none if nothing can be compared."""
     if effect is None:
         return "none"
     # The first side less the second: positive means that the second is smaller.

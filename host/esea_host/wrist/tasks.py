@@ -53,7 +53,7 @@ def angles(inputs: Inputs) -> tuple[float, float]:
 
 
 def requests(parameters: Any) -> Mapping[str, float]:
-    """What the device is asked for."""
+    """Requests to the device."""
     return {"impairment": float(parameters.impairment)}
 
 

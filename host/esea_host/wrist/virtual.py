@@ -104,7 +104,7 @@ class Muscles:
         self._tick = 0
 
     def frame(self, muscles: Sequence[Sequence[float]]) -> None:
-        """What they do in the next frame, as of :meth:`Limb.torque_Nm`."""
+        """Torques in the next frame, as of :meth:`Limb.torque_Nm`."""
         self._frame, self._tick = muscles, 0
 
     def __call__(self) -> list[dict[str, float]]:
@@ -215,7 +215,7 @@ class WristActor(ActingHand):
         return self.rig.advance_by(muscles, requests)
 
     def rests(self) -> Sequence[Muscle]:
-        """What the muscles do in a frame between trials."""
+        """Torques of the muscles in a frame between trials."""
         self.time_s = round(self.time_s + FRAME_S, 6)
         self.look(Scene())
         return self.act({})
@@ -244,7 +244,7 @@ class WristActor(ActingHand):
         return self.time_s > since + self.who.model.reaction_s + more_s
 
     def act(self, requests: Mapping[str, float]) -> Sequence[Muscle]:
-        """As the task asks, on what was seen a delay ago."""
+        """Follow the task, on delayed perception."""
         axes = self.arm.axes
         blind = len(self._seen) < axes[0].seen_frames
         if self.task in PACED:

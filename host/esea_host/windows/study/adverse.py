@@ -58,7 +58,7 @@ class AdversePanel(QFrame):
         self.choices["severity"].setFocus()
 
     def leave(self) -> None:
-        """Without a record; what was chosen is forgotten."""
+        """Leave without a record; the entries are discarded."""
         for choice in self.choices.values():
             choice.setCurrentIndex(0)
         self.text.clear()

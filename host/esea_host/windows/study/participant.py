@@ -66,7 +66,7 @@ class ParticipantWindow(SceneView):
         self.show_scene(self._now.scene)
 
     def painted(self, painter: QPainter) -> None:
-        """What is simulated or a rehearsal says so; the patch; then this frame's time is known."""
+        """Paint the mark of a simulation or rehearsal and the patch; note this frame's time."""
         if banner := self.conductor.banner:
             self._paint_banner(painter, self.words(f"banner.{banner}"))
         now = self._now
