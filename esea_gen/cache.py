@@ -15,7 +15,7 @@ _STARTED_S = time.time()
 
 
 def cache_folder() -> Path:
-    """The user's folder of what can be made again, made if need be."""
+    """The user's folder of reproducible results, created if missing."""
     folder = user_folder("cache", "esea-gen")
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ _FIRST: WeakValueDictionary[tuple[object, ...], Device] = WeakValueDictionary()
 
 
 def _made_once(make: Callable[[Device], Made]) -> Callable[[Device], Made]:
-    """What devices of equal content share: they are read again and again, and a System takes long.
+    """Shared results of devices with equal content, because a System takes long to build.
 
     It is made by the first of them that is still alive.
     """

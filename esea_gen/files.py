@@ -127,7 +127,7 @@ def utc_now() -> str:
 def locked(
     path: Path, person: str = "", wait_s: float = 0.0, of_any_host: bool = False
 ) -> Iterator[dict[str, Any]]:
-    """Hold a lock file that names its holder; gives what a holder that died has left in it.
+    """Lock with a file that names its owner; returns the content left by a dead owner.
 
     Which holder on this host is alive, the system knows.  A holder on another one counts as alive
     until it has let go, or until of_any_host says that it is dead.

@@ -120,7 +120,7 @@ def lock_holder(path: str | Path) -> str:
 
 
 def others_rights(about: os.stat_result) -> tuple[int, int]:
-    """Number of another owner, else 0; what others may do.  Windows has lists: not read here."""
+    """Number of another owner, else 0; the rights of others.  Windows has lists: not read here."""
     if sys.platform == "win32":
         return 0, 0
     owner = about.st_uid if about.st_uid != os.geteuid() else 0
@@ -189,7 +189,7 @@ def listening_for_qemu() -> Iterator[tuple[socket.socket, str]]:
 
 
 def raw_terminal(path: str | Path) -> int:
-    """A terminal, raw and without waiting, that nobody has locked; OSError if it is none."""
+    """Open a terminal, raw, without waiting, unlocked; OSError if it is not a terminal."""
     if sys.platform == "win32":
         raise NotImplementedError
     import termios

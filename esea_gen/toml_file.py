@@ -109,7 +109,7 @@ def line_of(text: str, loc: Sequence[str | int]) -> int:
 
 
 def together(problems: Iterable[Located], origin: str, text: str) -> None:
-    """Raise what is wrong in a file as one message, each problem with the line of its key."""
+    """Raise all errors in a file as one message, each with the line of its key."""
     said = []
     for loc, problem in problems:
         line = line_of(text, loc)

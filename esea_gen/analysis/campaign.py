@@ -79,7 +79,7 @@ def run_cases(
     retry_failed: bool = False,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> MonteCarlo:
-    """Run cases in parallel: results in their order, the same whoever ran them, and if resumed.
+    """Run cases in parallel: results in their order, independent of workers and resumption.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ Engine = Callable[[Work, Iterator[dict[str, Any]]], Iterator[Result]]
 
 @contextlib.contextmanager
 def _engine(workers: Workers) -> Iterator[Engine]:
-    """What gives results as they end, without those of cases whose worker died."""
+    """Iterator of finished results, without those of cases whose worker died."""
     if workers.cluster is not None:
         with connected(workers.cluster) as client:
             yield functools.partial(run_on, client, workers.cluster)

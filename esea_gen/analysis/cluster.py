@@ -42,7 +42,7 @@ def code_digest() -> str:
 
 @functools.cache
 def machine() -> dict[str, str]:
-    """What has to be the same on every machine, in words."""
+    """Properties that must be equal on every machine, in words."""
     gcc = "none"
     if shutil.which("gcc"):
         command = ["gcc", "-dumpfullversion"]
@@ -121,7 +121,7 @@ def _check(client: Any, address: str) -> None:
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
-    """A client of the scheduler, once all of its workers are found fit."""
+    """A client of the scheduler, after all of its workers passed the check."""
     try:
         import distributed
     except ImportError:

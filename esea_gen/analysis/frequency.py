@@ -82,7 +82,7 @@ class FrequencyResponse:
     def bandwidth(
         self, *, drop_dB: float = HALF_POWER_DB, passband_gain: float | None = None
     ) -> Bandwidth:
-        """Lowest frequency at which the gain has fallen by some dB; None within no data."""
+        """Lowest frequency at which the gain has fallen by some dB; None outside the data."""
         f = self.frequency_Hz
         start = float(self.gain[0]) if passband_gain is None else passband_gain
         words = f"gain at {f[0]:.3g} Hz" if passband_gain is None else "given gain"
@@ -189,7 +189,7 @@ class OutputImpedance:
 
     @classmethod
     def of(cls, response: FrequencyResponse) -> OutputImpedance:
-        """From the response of the torque on what is moved to its angle: a spring pulls back."""
+        """From the response of the torque on the moved side to its angle: a spring pulls back."""
         return cls(replace(response, response=-response.response))
 
     @property

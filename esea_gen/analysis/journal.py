@@ -36,7 +36,7 @@ def files_digest(files: Mapping[str, str]) -> str:
 
 
 def rooms_digest() -> str:
-    """SHA-256 of what the figures of a study depend on beside the C that runs."""
+    """SHA-256 of everything but the C that a study's figures depend on."""
     top = Path(__file__).parents[1]
     found = [p for room in ("twin", "analysis", "studies") for p in (top / room).rglob("*")]
     return files_digest(

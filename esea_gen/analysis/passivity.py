@@ -50,7 +50,7 @@ class EnergyBalance:
 
     @property
     def generated_J(self) -> float:
-        """Energy given out beyond what was ever put in; 0 for a passive driving point."""
+        """Output energy beyond all input energy; 0 for a passive driving point."""
         return max(0.0, -float(np.min(self.absorbed_J)))
 
 

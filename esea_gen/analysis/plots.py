@@ -89,7 +89,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def crossed(figure: Figure, ended: Mapping[str, str]) -> Figure:
-    """Cases that a run of did not end well: crossed where the figure names them, and said below."""
+    """Cases with a run that did not end well: crossed in the figure, and listed below it."""
     if not ended:
         return figure
 

@@ -90,7 +90,7 @@ class Emulation:
 
     @property
     def flash_bytes(self) -> int:
-        """Without that loop and what it is given."""
+        """Size without that loop and its data."""
         return sum(
             s.size
             for s in self.symbols
@@ -108,7 +108,7 @@ def emulate(
     high: str = "harness",
     low: str | None = None,
 ) -> Emulation:
-    """Compile a program with ``-O2`` and run it; counted is what stands between two symbols."""
+    """Compile a program with ``-O2`` and run it; count the instructions between two symbols."""
     gcc = find_compiler(*board.processor.toolchain.gcc)
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         folder = Path(scratch)

@@ -115,7 +115,7 @@ class Amplifier:
 
     @property
     def counts(self) -> int:
-        """What a converter of 12 bits shows, its zero in the middle."""
+        """Counts of a converter of 12 bits, its zero in the middle."""
         if self.stuck_counts is not None:
             return self.stuck_counts
         return min(4095, max(0, round(2048 + self.current_A / self.A_count)))
@@ -142,7 +142,7 @@ class Workbench:
     done: list[tuple[str, int, int]] = field(default_factory=list)
 
     def exchange(self, line: int, sent: bytes) -> bytes | None:
-        """Bytes that come back; None where the bus is dead."""
+        """Received bytes; None if the bus is dead."""
         if line not in self.lines:
             return None
         return self.wires.get(line, bytes)(self.lines[line](sent))
@@ -157,7 +157,7 @@ class Workbench:
 
 
 def declarations(*headers: Path) -> str:
-    """What C headers declare, as cffi reads it: no comments, no preprocessor, no bodies."""
+    """Declarations of C headers, as cffi reads them: no comments, no preprocessor, no bodies."""
     text = "".join(h.read_text(encoding="utf-8") for h in headers)
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     text = re.sub(r"^static inline .*?^\}\n", "", text, flags=re.MULTILINE | re.DOTALL)

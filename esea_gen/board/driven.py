@@ -79,7 +79,7 @@ class DrivenSensors:
         self._set_Nm = 0.0
 
     def read(self, true: Mapping[str, float]) -> dict[str, float]:
-        """What the drivers make of true counts, by the device's input names."""
+        """Driver readings for true counts, by the device's input names."""
         lib, hardware = self.drivers.lib, self.drivers.hardware
         found: dict[str, float] = {}
         for name, line in _LINES.items():
@@ -95,7 +95,7 @@ class DrivenSensors:
         return found
 
     def current_wrong(self) -> bool:
-        """Whether the current has not been what was set for too long; once a tick."""
+        """Whether the current has differed from its command for too long; once a tick."""
         given = self._motor, self._config, self.drivers.hardware, self._set_Nm
         return bool(self.drivers.lib.esea_escon_wrong(*given))
 

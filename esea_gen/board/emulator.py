@@ -50,7 +50,7 @@ def qemu_command(board: Board, semihosting: bool = False) -> list[str]:
 
 
 def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] = ()) -> Transport:
-    """Start what an image runs on, QEMU or the host itself."""
+    """Start the runner of an image, QEMU or the host itself."""
     board = find_board(image.board)
     if "-shared" in board.link:
         raise UserError(
@@ -189,7 +189,7 @@ class EmulatorResult:
 
     @property
     def hash_matches(self) -> bool:
-        """Whether the board runs what the device file now describes."""
+        """Whether the board runs the C of the present device file."""
         return self.content_hash == self.expected_hash
 
     def to_dict(self) -> dict[str, Any]:

@@ -83,7 +83,7 @@ class Symbol(NamedTuple):
 
 
 def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[Symbol]:
-    """What stands in the symbol tables of objects or an image, by one call of ``nm`` for all."""
+    """Symbols of objects or an image, by one call of ``nm`` for all."""
     tool = find_compiler(*toolchain.tool("nm"))
     done = run_tool([tool, "-A", "-P", *objects], failed="nm failed")
     found = []
@@ -95,7 +95,7 @@ def symbols(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[Sym
 
 
 def double_arithmetic(objects: Sequence[Path], toolchain: Toolchain = ARM_GCC) -> list[str]:
-    """What float-only objects ask for and must not: double arithmetic, libm, heap, stdio."""
+    """Forbidden symbols in float-only objects: double arithmetic, libm, heap, stdio."""
     found = symbols(objects, toolchain)
     defined = {s.name for s in found if s.kind not in "Uw"}
     wanted = [s for s in found if s.name not in defined and not _ALLOWED.fullmatch(s.name)]

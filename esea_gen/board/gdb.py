@@ -117,6 +117,6 @@ class HeldProcessor:
 
 
 def addresses(image: FirmwareImage) -> dict[str, int]:
-    """Where an image's functions and objects stand."""
+    """Addresses of an image's functions and objects."""
     found = symbols([image.elf])
     return {s.name: s.address & ~1 if s.kind in "tT" else s.address for s in found}

@@ -65,7 +65,7 @@ class MoteusDrive:
         self._valid = 0
 
     def show(self, output_rev: float, slots_rev: Sequence[float | None]) -> None:
-        """What its encoders read: the output by the rotor, and each slot (None: not there)."""
+        """Set its encoders: the output by the rotor, and each slot (None: missing)."""
         self._rev[Register.POSITION] = output_rev
         for slot, rev in enumerate(slots_rev):
             self._rev[0x050 + 2 * slot] = rev or 0.0

@@ -67,7 +67,7 @@ class TapedBoard(SimBoard):
             self.tape.motor.append((on, struct.pack("<f", u_Nm)))
 
     def taken(self) -> BoardTape:
-        """What there is."""
+        """Available bytes."""
         self._end_of_tick()
         self.tape.fault = int(self.lib.sim_fault())
         return self.tape

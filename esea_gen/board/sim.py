@@ -107,7 +107,7 @@ class SimBoard(Session):
 
     @property
     def flash(self) -> list[Any]:
-        """What outlasts the power: the bytes of both areas, to look at and to spoil."""
+        """Non-volatile memory: the bytes of both areas, to read and to corrupt."""
         size = int(self.lib.sim_flash_bytes())
         return [self._ffi.buffer(self.lib.sim_flash(k), size) for k in range(2)]
 
@@ -126,7 +126,7 @@ class SimBoard(Session):
         return int(self.lib.sim_guests())
 
     def greet(self, guest: int, commander: str) -> bytes:
-        """Somebody comes beside the host; what the board says to that."""
+        """Connect a second client; return the board's answer."""
         count = self.lib.sim_greet(guest, commander.encode("ascii"), self._answer)
         return bytes(self._ffi.buffer(self._answer, count))
 
@@ -136,7 +136,7 @@ class SimBoard(Session):
         return bytes(self._ffi.buffer(self._answer, count))
 
     def measure(self, **values: float) -> None:
-        """What the drivers give from now on; what is left out is 0."""
+        """Set the drivers' readings from now on; omitted inputs are 0."""
         unknown = set(values) - set(self.inputs)
         if unknown:
             raise ValueError(f"{sorted(unknown)} is not measured; there is {self.inputs}")
@@ -160,11 +160,11 @@ class SimBoard(Session):
                 self.lib.sim_poll()
 
     def trouble(self, fault: int) -> None:
-        """What the drivers find, a number of the board's faults; told at the next tick or start."""
+        """Set a driver fault, a number of the board's faults; reported at the next tick."""
         self.lib.sim_trouble(fault)
 
     def blackbox(self) -> list[BlackboxRecord]:
-        """What a frozen black box holds, the oldest first, without records that are corrupt."""
+        """Content of a frozen black box, the oldest first, without corrupt records."""
         size = record_bytes(self.device)
         into = self._ffi.new("uint8_t[]", size)
         return [
@@ -180,12 +180,12 @@ class SimBoard(Session):
 
     @property
     def motor_on(self) -> bool:
-        """Whether the motors are on; they are all, or none."""
+        """Whether the motors are on, which they are only together."""
         return bool(self.lib.sim_motor_on())
 
     @property
     def motors_Nm(self) -> tuple[float, ...]:
-        """Torque of each motor, in the order of the axes; empty where there is none."""
+        """Torque of each motor, in the order of the axes; empty without motors."""
         return tuple(map(self.lib.sim_motor_Nm, self._axes))
 
     @property

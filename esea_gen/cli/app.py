@@ -56,7 +56,7 @@ class Commands(GroupedCommands):
     package, groups = "esea_gen.cli", GROUPS
 
     def invoke(self, ctx: Any) -> Any:
-        """Whoever ends it by Ctrl-C is told how to go on."""
+        """After Ctrl-C, print how to continue."""
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, Exception) as error:
@@ -69,7 +69,7 @@ class Commands(GroupedCommands):
 
 
 def stopped(words: Sequence[str], resume: str | None) -> str:
-    """What an interrupted command left; ``resume``: the place that its --resume takes, if any."""
+    """Finished part of an interrupted command; ``resume``: the place for its --resume, if any."""
     again = command_line("esea-gen", *words)
     if resume not in ("DIR", "FILE"):
         return f"stopped; no file is left half written. From the start again:\n  {again}"

@@ -148,7 +148,7 @@ def by_hand(error: BaseException | None) -> bool:
 
 
 def explained(error: BaseException) -> str | None:
-    """What is wrong and what to do about it; None for a fault of the program itself."""
+    """Error and remedy; None for a fault of the program itself."""
     from esea_gen.link.transport import LinkError
 
     if isinstance(error, UserError | LinkError):

@@ -87,7 +87,7 @@ def configured() -> list[str]:
 
 
 def block_names(device: str) -> list[str]:
-    """Blocks of a device; loaded once, then kept under the digest of its file and our sources."""
+    """Blocks of a device; loaded once, then stored under the digest of its file and the sources."""
     from esea_gen.cache import cache_folder
     from esea_gen.errors import UserError
     from esea_gen.files import write_whole
@@ -109,7 +109,7 @@ def block_names(device: str) -> list[str]:
 
 
 def completing(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """What typer asks: the names that go on from what is typed, or nothing, for a file's name."""
+    """Completion for typer: names that start with the typed text; empty for a file's name."""
 
     def complete(incomplete: str) -> list[str]:
         return [n for n in names() if n.startswith(incomplete)]

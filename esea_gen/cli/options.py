@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def option(words: str, text: str, **more: Any) -> Any:
-    """An option; words: its names, and behind them what stands for its value."""
+    """An option; words: its names, then the placeholder of its value."""
     names = [w for w in words.split() if w.startswith("-")]
     metavar = words.removeprefix(" ".join(names)).strip() or None
     return typer.Option(*names, **({"metavar": metavar} | more), help=text)

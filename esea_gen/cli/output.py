@@ -35,7 +35,7 @@ def _progress(*columns: Any, **settings: Any) -> Progress:
 
 @contextmanager
 def progress_line() -> Iterator[Callable[[str], None]]:
-    """A line on the terminal that says what is being done, gone when it is."""
+    """A progress line on the terminal, removed at the end."""
     from rich.progress import SpinnerColumn, TextColumn
 
     with _progress(SpinnerColumn(), TextColumn("{task.description}")) as p:
@@ -51,7 +51,7 @@ def progress_line() -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def progress_share() -> Iterator[Callable[[float, str], None]]:
-    """The same, told a share from 0 to 1 and what is being done."""
+    """A progress line with a share from 0 to 1."""
     with progress_line() as say:
         yield lambda share, what: say(f"{100 * share:.0f} % {what}")
 

@@ -25,7 +25,7 @@ FADE_S = 1.0
 
 
 def adaptation(device: DeviceData) -> Block:
-    """What the sensor's model must show for a wanted torque x: a x + c E(x) + o."""
+    """Model torque for a desired torque x: a x + c E(x) + o."""
     return Block.of(_Adaptation(device))
 
 
@@ -36,7 +36,7 @@ def shift_limit_Nm(device: DeviceData) -> float:
 
 
 def gain_port(device: DeviceData) -> Port:
-    """The wish's gain, with room for rounding beyond what may be set."""
+    """Gain of the desired torque, with room for rounding beyond its range."""
     own = section_of(device, "adaptation")
     low, high = 0.99 / own.scale_most.value, 1.01 / own.scale_least.value
     return Port("wish_gain", low, high, "gain of the wish, for the rubber at hand", on_invalid=1.0)

@@ -32,7 +32,7 @@ EQUATIONS = """
 # A changed value is a message's: a law that follows the steps of seldom messages swings.  With
 # changes in each period n is 1 and nothing is added, and so it is after a change of mode.
 def interpolation(device: DeviceData) -> Block:
-    """Linear interpolation of what is desired, from one message to the next."""
+    """Linear interpolation of the set-point from one message to the next."""
     return Block.of(_Interpolation(device))
 
 

@@ -88,7 +88,7 @@ def _law(path: Path, content: bytes, name: str, digest: str) -> Law:
 
 
 def wrong_wire(laws: Iterable[Law], error: ValueError) -> UserError | None:
-    """What is wrong in a law whose Blocks cannot be wired; None where no own law is concerned."""
+    """Error in a law whose Blocks cannot be wired; None if no own law is concerned."""
     for law in laws:
         if law.path is not None and (line := _line(law.path, str(error))):
             return explained(law.path, error, f"law {law.name}", line)
@@ -96,7 +96,7 @@ def wrong_wire(laws: Iterable[Law], error: ValueError) -> UserError | None:
 
 
 def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserError:
-    """An error of somebody's file: its line, and a remedy where one is known."""
+    """Error in a user's file: its line, and a remedy if known."""
     text = re.sub(r"^\S*\.cpp:\d+: ", "", str(error))
     inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
     code = (inside[-1].line or "") if inside else ""

@@ -36,7 +36,7 @@ BLEND_S, BLEND_LOW_S, BLEND_HIGH_S = 0.2, 0.02, 5.0
 
 
 def largest_gains(device: DeviceData) -> tuple[float, float]:
-    """Largest stiffness and damping that may be rendered: what is passive, where that is known."""
+    """Largest allowed stiffness and damping: the passive range, where that is computed."""
     passive = device.file.passivity
     if passive is not None:
         return threshold(passive.Kp_max_Nm_rad.value), threshold(passive.Kd_max_Nms_rad.value)
@@ -48,7 +48,7 @@ def largest_gains(device: DeviceData) -> tuple[float, float]:
 # blend_s; from one law to another the set torque goes on from where it was.  An invalid input or
 # corrupt state means off for that step, and request_ok 0, on which the limits latch.
 def reference(device: DeviceData) -> Block:
-    """Set torque from mode, wanted torque and impedance law, started from where the torque is."""
+    """Torque from mode, desired torque and impedance law, starting at the present torque."""
     return Block.of(_Reference(device))
 
 

@@ -65,7 +65,7 @@ def gains_reference(block: Block) -> Block:
 
 
 def shown_reference(block: Block) -> Block:
-    """The reference with what it makes of a change of mode, and its tunables, for a horizon."""
+    """Reference with its change of mode and its tunables, for a horizon."""
     more = [(_port(block.state, "offset_Nm"), "next_offset_Nm")]
     tunable = ("keep", "tau_range_Nm", "Kp_Nm_rad", "Kd_Nms_rad")
     more += [(_port(block.coefficients, n), f"c_{n}") for n in tunable]

@@ -51,7 +51,7 @@ EFFORT_S, EFFORTS, SLOW_HZ = 0.5, (0.65, 0.78), 0.5
 # believed.  Along the horizon the wish continues as a sine about a middle, with the observer's rate
 # and acceleration; a parabola predicted 6 Nm and more for a sine of 2 Nm at 2 Hz.
 def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend") -> Block:
-    """Where the wanted torque goes, when only its past is known."""
+    """Predict the desired torque from its past."""
     return Block.of(_Trend(device, ends_s, name))
 
 
@@ -135,7 +135,7 @@ class _Trend:
         }
 
     def increment(self, s: Any, fresh: ca.SX, label: Labels) -> tuple[ca.SX, ca.SX]:
-        """The increment without what it has of a step, and that part of it."""
+        """The increment without its step part, and that part."""
         first, second = ca.vertsplit(s.raw_Nm)
         least, most = ca.fmin(first, second), ca.fmax(first, second)
         middle = label("median_Nm", ca.fmax(least, ca.fmin(most, fresh)), "median of three")
@@ -200,7 +200,7 @@ class _Trend:
     def along(
         self, s: Any, u: Any, seen: SimpleNamespace, label: Labels
     ) -> tuple[list[Any], dict[str, Any]]:
-        """Wanted torque at the intervals' ends, and the means that it rests on."""
+        """Desired torque at the intervals' ends, and the means that it depends on."""
 
         def mean(name: str, keep: float, value: Any) -> Any:
             return label(name, (1 - keep) * value * value + keep * vars(s)[name], "mean square")
@@ -238,7 +238,7 @@ class _Trend:
 
 
 def swung(w2: Any, t: float, longest_s2: Any) -> tuple[Any, Any]:
-    """What rate and acceleration of a sine add in a time, TURN_RAD at most: two series."""
+    """Increment by rate and acceleration of a sine in a time, TURN_RAD at most: two series."""
     y = -ca.fmin(w2 * t**2, TURN_RAD**2)
     sine = cosine = 0.0
     for k in reversed(range(TERMS)):
@@ -248,13 +248,13 @@ def swung(w2: Any, t: float, longest_s2: Any) -> tuple[Any, Any]:
 
 
 def motion_limits(device: DeviceData, fastest_Hz: float = FASTEST_HZ) -> tuple[float, float]:
-    """Largest rate and acceleration of a wanted torque that are believed."""
+    """Largest plausible rate and acceleration of a desired torque."""
     turn, full = 2 * math.pi * fastest_Hz, device.tau_full_scale_Nm
     return threshold(turn * full), threshold(turn * turn * full)
 
 
 def faded(t_s: float) -> tuple[float, float]:
-    """What rate and acceleration add: integrals to t of exp(-x/T) and x exp(-x/T)."""
+    """Increment by rate and acceleration: integrals to t of exp(-x/T) and x exp(-x/T)."""
     left = math.exp(-t_s / FADE_S)
     by_rate = FADE_S * (1 - left)
     return by_rate, FADE_S * (by_rate - t_s * left)

@@ -151,7 +151,7 @@ FILTER_RATE_HZ = 1000.0  # the published observers' filters were printed for thi
 
 
 def check_content(origin: str, text: str, file: DeviceFile) -> None:
-    """Bounds of every number, then what numbers must be to each other."""
+    """Check bounds of every number, then relations between numbers."""
     found = [p for number in numbers_of(file) for p in _check_number(*number)]
     found += _check_texts(file)
     # Relations of numbers that are wrong themselves say nothing more.

@@ -26,7 +26,7 @@ COPPER_1_K, COPPER_C, LEAST_SHARE, LEAST_HEATING_K = 3.93e-3, 25.0, 0.05, 5.0
 
 
 def check_drive(file: DeviceFile) -> Iterator[UserError]:
-    """What no drive can be."""
+    """Reject impossible drives."""
     a, safety, control = file.actuator, file.safety, file.timing.control_rate_Hz
     if a is None or file.joint is None:
         return
@@ -80,7 +80,7 @@ def _check_heating(file: DeviceFile) -> Iterator[UserError]:
 
 
 def tell_of_drive(origin: str, file: DeviceFile) -> None:
-    """Warn of what is unwise."""
+    """Warn of unwise values."""
     for text in _unwise(file):
         warnings.warn(f"{origin}: {text}", stacklevel=2)
 

@@ -502,7 +502,7 @@ def section_at(names: Iterable[str]) -> type[BaseModel] | None:
 
 
 def field_facts(key: str) -> dict[str, Any]:
-    """What is known of a number of the file: ``low``, ``high``, ``whole``, ``text``.
+    """Facts about a number of the file: ``low``, ``high``, ``whole``, ``text``.
 
     return: its bounds, whether it is a whole number, and its description.
     """

@@ -248,7 +248,7 @@ def _with_controllers(document: dict[str, Any], controllers: Iterable[str]) -> d
 
 
 def controller_document(name: str) -> dict[str, Any]:
-    """What a controller gives to a device: its laws and their sections."""
+    """Sections that a controller supplies to a device: laws and their numbers."""
     shipped = shipped_controllers()
     path = shipped.get(name, Path(name))
     if name not in shipped and not path.is_file():

@@ -35,7 +35,7 @@ class MotorKit:
         return float(f"{self.torque_constant_Nm_A * self.peak_A:.4g}")
 
     def numbers(self) -> Iterator[tuple[str, float, str]]:
-        """What a device file needs of it: key, value and source."""
+        """Numbers of a motor for a device file: key, value and source."""
         torque = f"{self.peak_A:g} A times {self.torque_constant_Nm_A:.4g} Nm/A"
         yield "u_max_Nm", self.u_max_Nm, f"{self.motor}, {torque}, {_AT}"
         yield "rotor_kgm2", self.rotor_kgm2, f"{self.motor}, docs/mpat.html, {_AT}"

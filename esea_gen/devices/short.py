@@ -113,7 +113,7 @@ def refuse_missing(given: Mapping[str, float], motor: MotorKit | None = None) ->
 def short_text(
     name: str, base: str, given: Mapping[str, float], motor: MotorKit | None = None
 ) -> str:
-    """The device file; what is a motor's own has its source, and the drive's settings follow."""
+    """The device file; a motor's own numbers have its source, and the drive's settings follow."""
     sources = {}
     if motor is not None:
         sources = {k: s for k, value, s in motor.numbers() if given[k] == value}

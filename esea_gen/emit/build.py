@@ -93,7 +93,7 @@ def manifest(
     files: Mapping[str, str],
     more_versions: Mapping[str, str] | None = None,
 ) -> dict[str, str]:
-    """The file that says what a folder of output is (``kind``) and what it holds."""
+    """Manifest of an output folder: its kind and content."""
     content: dict[str, Any] = {
         "device": device.name,
         "kind": kind,
@@ -107,7 +107,7 @@ def manifest(
 
 
 def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
-    """Write output folders, each whole or not at all."""
+    """Write output folders, each completely or not at all."""
     for bundle in bundles:
         _refuse_foreign(out / bundle.folder)
     written = []
@@ -152,7 +152,7 @@ def _refuse_foreign(folder: Path) -> None:
 
 
 def differences(bundles: list[Bundle], out: Path) -> list[str]:
-    """Unified diffs between what would be written and what is there."""
+    """Unified diffs between generated and present files."""
     found = []
     for bundle in bundles:
         folder = out / bundle.folder

@@ -56,7 +56,7 @@ def _summed(kernel: Kernel, i: int) -> list[tuple[int, int]] | None:
 
 
 def vector_total(p: Port) -> float:
-    """What the guard of a vector lets its sum of magnitudes be."""
+    """Limit of a vector's sum of magnitudes in its guard."""
     return float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
 
 

@@ -362,7 +362,7 @@ class _Recording:
         return round(wave / WANTED_LATTICE_NM) * WANTED_LATTICE_NM
 
     def tick(self, k: int) -> tuple[tuple[float, ...], dict[str, float]]:
-        """What is given at a tick, by column, and what comes out."""
+        """Inputs at a tick, by column, and expected outputs."""
         given = tuple(value(k) for _, value in self.columns)
         columns = zip(self.columns, given, strict=True)
         return given, self.run.tick({x.name: v for (c, _), v in columns for x in c.feeds})

@@ -19,7 +19,7 @@ _MACRO = re.compile(r"[A-Z][A-Z0-9_]*")
 
 
 def unused(name: str, taken: Collection[str]) -> str:
-    """The name, or what comes of it by an ending: free, no keyword and no macro's."""
+    """The name, with a suffix if it is used, a keyword or a macro."""
     if _MACRO.fullmatch(name):
         name += "_value"
     while name in taken or name in _RESERVED:

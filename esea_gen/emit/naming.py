@@ -20,7 +20,7 @@ class Naming:
         self.system, self.c_type, self.dtype = system, c_type, dtype
 
     def text(self, block: Block | None, group: str, port: Any) -> str:
-        """What a header adds to a port's description."""
+        """Header's addition to a port's description."""
         return ""
 
     def convert(self, text: str, source: Signal | None, block: Block, port: Port) -> str:
@@ -34,11 +34,11 @@ class Naming:
         return text
 
     def number(self, block: Block, group: str, name: str, value: float) -> float:
-        """What a Block's field holds for a value inside the port's range, in its unit."""
+        """Number in a Block's field for a value inside the port's range, in its unit."""
         return value
 
     def tunable(self, block: Block, name: str, value: float) -> float:
-        """What a tunable's field holds for any value in its unit."""
+        """Number in a tunable's field for any value in its unit."""
         return value
 
     def fraction(self, block: Block, group: str, name: str) -> int | None:

@@ -40,7 +40,7 @@ class LinkParameter:
 
     @property
     def key(self) -> int:
-        """What a board keeps the value by."""
+        """Key under which a board stores the value."""
         return fnv1a(self.name)
 
     @property

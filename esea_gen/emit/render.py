@@ -172,7 +172,7 @@ class Renderer:
 
     @property
     def init_name(self) -> str:
-        """What the device's ``init`` is called in the object code."""
+        """Name of the device's ``init`` in the object code."""
         return f"{self.prefix}_init_{self.identity[len(self.prefix) + 1 :]}"
 
     def field(self, port: Any) -> str:
@@ -215,7 +215,7 @@ class Renderer:
         return wrap(text) if template.endswith((".c.j2", ".h.j2")) else text
 
     def own_files(self) -> dict[str, str]:
-        """The System's C without what stands around it: no example, no reference."""
+        """The System's C alone: no example, no reference."""
         p = self.prefix
         out = {
             f"{p}.h": self.render("device/esea_device.h.j2"),
@@ -227,7 +227,7 @@ class Renderer:
         return out
 
     def files(self) -> dict[str, str]:
-        """The C with what stands beside it, ready to be compiled into a program of its caller."""
+        """The C with its support files, ready to compile into the caller's program."""
         out = self.own_files()
         out |= {n: self.render(t) for n, t in self.fmt.templates(self.prefix).items()}
         out |= self.fmt.casadi_c(self.system)
@@ -238,7 +238,7 @@ class Renderer:
         return self.files() | {"main.c": self.example()}
 
     def example(self) -> str:
-        """The example program, which holds the C against what the symbolic System gives."""
+        """The example program, which compares the C with the symbolic System."""
         made = example(self.system)
         return self.render(
             made.template,
@@ -283,7 +283,7 @@ def whole_range(port: Port) -> str:
 
 
 def port_text(port: Any) -> str:
-    """What a header says of a port: meaning, unit, range, equation."""
+    """Header text of a port: meaning, unit, range, equation."""
     parts = [port.meaning]
     if isinstance(port, Port) and port.size > 1:
         parts.append(f"{port.size} elements")

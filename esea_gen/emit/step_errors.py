@@ -42,7 +42,7 @@ class Bound:
     assumptions: tuple[str, ...]  # decisions taken as equal; inputs taken as whole numbers
 
     def with_errors_of(self, other: Bound) -> Bound:
-        """Against what itself errs by another bound."""
+        """Add the bound of a reference that has errors itself."""
         return replace(
             self,
             outputs={k: v + other.outputs[k] for k, v in self.outputs.items()},
@@ -186,7 +186,7 @@ class StepErrors:
         return self.propagated(errors)
 
     def once(self, errors: Errors) -> tuple[Errors, tuple[str, ...]]:
-        """Errors of all results, the worst of all boxes, and what they rest on."""
+        """Errors of all results, the worst of all boxes, and their assumptions."""
         values, assumptions = self.values(errors)
         found = [[float(x.max()) for x in row] for row in self._box_by_box(values)]
         whole = tuple(

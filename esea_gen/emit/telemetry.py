@@ -37,7 +37,7 @@ def stream_bytes_s(width: int, every: int, tick_s: float, head_bytes: int) -> tu
 
 
 def stream_costs(system: System) -> Iterator[StreamCost]:
-    """What streams of a System cost: one value, all outputs, all of a task; and its whole runs."""
+    """Cost of a System's streams: one value, all outputs, all of a task; and its complete runs."""
     head_bytes = FIXED["ESEA_DATA"].payload_bytes - 4 * STREAM_WORDS
     pairs = iter(task_messages(system))
     for task, given, made in zip(system.tasks, pairs, pairs, strict=True):

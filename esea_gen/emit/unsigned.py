@@ -21,7 +21,7 @@ def kind_of(port: Any) -> str:
 def unsigned_nodes(
     kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]
 ) -> set[int]:
-    """Nodes that C computes as ``uint32_t``: counts, and what is chosen or counted on of them.
+    """Nodes that C computes as ``uint32_t``: counts, selections and increments of them.
 
     A constant is either, and so is a choice of constants, which is whole where all that reads it
     is.  No sum or difference is whole that could wrap.
@@ -65,7 +65,7 @@ def unsigned_nodes(
 def chosen_nodes(
     kernel: Kernel, argument: Callable[[int], Any], ports: Sequence[Port]
 ) -> dict[int, type[IntEnum]]:
-    """Nodes that are a choice's numbers: of arguments and results, and what is selected of them."""
+    """Nodes with a choice's numbers: arguments, results, and selections from them."""
     nodes = kernel.nodes
     fed = {i: argument(n.source[0]) for i, n in enumerate(nodes) if n.op == "input"}
     fed |= {i: p for r, p in zip(kernel.results, ports, strict=False) for i in r}

@@ -226,7 +226,7 @@ LONG = frozenset({"pow", "exp", "log", "tanh"})
 
 
 def calls_first(kernel: Kernel) -> Kernel:
-    """Put the long operations first, then what does not wait for them, then what does.
+    """Put the long operations first, then operations independent of them, then the others.
 
     A processor that works ahead does the second while the first are under way.  Within each third
     the order is depth first, so that few values are alive at a time.  No operation changes, so no

@@ -113,7 +113,7 @@ def sources(model: ExportedModel, fmi: Version) -> dict[str, str]:
 
 
 def model_header(model: ExportedModel, token: str, command: str) -> str:
-    """What calls the model by numbers in an array, as C text."""
+    """C text that calls the model by numbers in an array."""
     _filters(model)
     given = {"model": model, "token": token, "command": command}
     return model.renderer.render("export/fmu/model.h.j2", **given)
@@ -169,7 +169,7 @@ class Fmu:
 
 
 def every_platform() -> tuple[Platform, ...]:
-    """All platforms where zig is installed, which alone compiles for others; else none."""
+    """All platforms if zig is installed, the only cross compiler; else none."""
     return tuple(PLATFORMS.values()) if find_spec("ziglang") else ()
 
 

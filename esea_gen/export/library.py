@@ -175,7 +175,7 @@ def _steps(form: LibraryForm, prefix: str, name: str) -> tuple[str, ...]:
 def write_library(
     device: Device, form: LibraryForm, real: str = "f32", folder: Path | None = None
 ) -> WrittenLibrary:
-    """Write a library into a folder of its own, whole or not at all."""
+    """Write a library into a folder of its own, completely or not at all."""
     digest, bundle = library_files(device, form, real)
     target = folder or Path(f"{bundle.folder}_{form.name}")
     whole = target.absolute()

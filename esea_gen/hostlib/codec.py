@@ -23,7 +23,7 @@ CORRUPT = 2**32 - 1
 
 
 def to_whole(values: Any) -> Array:
-    """What a flag's or count's field holds for numbers; integers as they are."""
+    """Field content of a flag or count for numbers; integers unchanged."""
     column = np.asarray(values)
     if column.dtype.kind in "iu":
         return column.astype(np.uint32)
@@ -59,7 +59,7 @@ class Field:
     fraction: int | None = None  # of its raw numbers; None where the C holds numbers in units
 
     def encode(self, values: Any) -> Any:
-        """What the C holds for numbers in units; whole numbers are raw already."""
+        """Raw C values for numbers in units; integers are raw already."""
         if self.port.kind != "quantity":
             held = to_whole(values)
             return int(held) if isinstance(values, float) else held
@@ -71,7 +71,7 @@ class Field:
         return to_raw(column, self.fraction)
 
     def decode(self, held: Any) -> Any:
-        """Numbers in units, but a status word, of what the C holds."""
+        """Numbers in units for raw C values, except a status word."""
         if self.fraction is None or self.port.whole:
             return held
         return held * 2.0**-self.fraction

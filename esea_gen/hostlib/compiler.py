@@ -57,7 +57,7 @@ def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
 
 
 def zig(target: str) -> tuple[str, ...]:
-    """Command of zig's C compiler for what it calls a target."""
+    """Command of zig's C compiler for a target, by zig's name."""
     package = from_extra("ziglang", "compiler", "What is compiled for other platforms")
     # What it makes of libraries is kept; what it makes of ours is kept by us.
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_folder() / "zig"))
@@ -70,7 +70,7 @@ def zig(target: str) -> tuple[str, ...]:
 def run_tool(
     command: Sequence[object], folder: Path | None = None, failed: str = "", **more: Any
 ) -> subprocess.CompletedProcess[str]:
-    """A program run to its end, and what it said; with ``failed``, an error where it fails."""
+    """Run a program to its end and return its output; with ``failed``, raise if it fails."""
     words = [str(word) for word in command]
     more |= {"env": os.environ | {"LC_ALL": "C"}}  # what is looked for in messages is English
     done = subprocess.run(
@@ -129,7 +129,7 @@ def _version(command: tuple[str, ...]) -> str | None:
 
 
 def compiler_version(*command: str) -> str:
-    """First line of what a compiler says of its version; asked once a process."""
+    """First line of a compiler's version; asked once a process."""
     found = _version(command)
     if found is None:
         raise RuntimeError(f"{' '.join(command)} --version failed")
@@ -142,7 +142,7 @@ def is_gcc(command: tuple[str, ...]) -> bool:
 
 
 def _units(files: Mapping[str, str], folder: Path) -> list[str]:
-    """Paths of what is compiled at once: the files of a System together, any other alone.
+    """Units of compilation: the files of a System together, any other alone.
 
     To read a drive's header once for each of its Blocks takes as long as to compile them.  With
     ``-fPIC`` each function stays whole, since another may take its place: none is merged.
@@ -159,7 +159,7 @@ def _units(files: Mapping[str, str], folder: Path) -> list[str]:
 
 @lru_cache(maxsize=16)
 def declared(text: str) -> cffi.FFI:
-    """What cffi makes of C text, types and prototypes, whose only includes are standard ones."""
+    """cffi's reading of C text, types and prototypes, whose only includes are standard ones."""
     bare = re.sub(r"^\s*#\s*include.*$", "", text, flags=re.MULTILINE)
     command = [*compiler(), "-E", "-P", "-x", "c", "-std=c99", "-"]
     done = run_tool(command, failed="the header cannot be read", input=bare)

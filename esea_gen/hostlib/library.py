@@ -295,7 +295,7 @@ class CBoard:
         return {name: self.library.ffi.buffer(struct) for name, struct in held.items()}
 
     def step(self, task_name: str, **inputs: Any) -> dict[str, Any]:
-        """One run of a task, in units; in q31, NaN and what does not fit is invalid."""
+        """One run of a task, in units; in q31, NaN and values that do not fit are invalid."""
         out = self.raw_step(task_name, inputs)
         return {
             f.name: f.decode(held if f.port.size == 1 else np.array(list(held)))

@@ -70,7 +70,7 @@ def largest_torque(source: MappingFile, recordings: Sequence[Recording]) -> floa
 
 
 def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) -> Device:
-    """A device whose ranges hold the recordings, with parameters yet to be found."""
+    """A device whose ranges include the recordings, with parameters still to be fitted."""
     m = source.mapping
     d = m.device
     where = origin_of(source, files_of(recordings))
@@ -180,7 +180,7 @@ def fitted_device(
 
 
 def determined(value: float, sigma: float) -> bool:
-    """Whether a fitted number is told from 0: else it is not called identified."""
+    """Whether a fitted number differs from 0 significantly: else it is not called identified."""
     return sigma < abs(value)
 
 
@@ -218,7 +218,7 @@ def sourced_device(
 def searched(
     source: MappingFile, template: Device, recordings: Sequence[Recording]
 ) -> tuple[Space, float | None]:
-    """What is searched, and the rate of the search; the recordings' own without rate terms."""
+    """Searched parameters, and the rate of the search; the recordings' own without rate terms."""
     rate_terms = template.elastomer.maxwell is not None
     rate = None
     if rate_terms:

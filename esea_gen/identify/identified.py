@@ -57,7 +57,7 @@ def gated(device: Device, recordings: Sequence[Recording]) -> Device:
 
 
 def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -> tuple[str, ...]:
-    """What was found, recording by recording, and whether the gate is shut."""
+    """Findings, recording by recording, and whether the gate is closed."""
     labels: dict[str, list[str]] = {}
     for r in recordings:
         for f in r.findings:
@@ -147,7 +147,7 @@ class Identified:
         )
 
     def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``<name>.toml``, whole or not at all, and never over somebody's own work."""
+        """Write ``<name>.toml`` atomically, and never over a file edited by hand."""
         path, text = Path(folder) / f"{self.device.name}.toml", self.toml()
         if parse_device(text, path.name).canonical() != self.device.canonical():
             raise RuntimeError(f"{path.name} does not read back to what was identified")

@@ -109,7 +109,7 @@ class PlayPlant:
 
 
 def play_space(device: Device, recordings: Sequence[Recording]) -> tuple[Array, Array]:
-    """Bounds of what is searched: phi and the logarithm of chi."""
+    """Bounds of the searched numbers: phi and the logarithm of chi."""
     # Thresholds beyond the envelope's range never let go; far below it they do nothing.
     k1, k3 = device.elastomer.k1_Nm_rad.value, device.elastomer.k3_Nm_rad3.value
     torque = max(float(np.abs(r.tau_Nm).max()) for r in recordings)

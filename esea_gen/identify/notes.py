@@ -181,7 +181,7 @@ def temperature_notes(
     factor: TemperatureFactor | None = None,
     sigma_per_K: float | None = None,
 ) -> list[str]:
-    """What the recordings' temperatures tell; nothing where none was recorded."""
+    """Notes on the recordings' temperatures; empty if none was recorded."""
     known = temperatures_of(recordings, training=True)
     if not known:
         return []
@@ -217,7 +217,7 @@ def temperature_notes(
 def told_apart_notes(
     fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float | None]
 ) -> list[str]:
-    """Which terms of a member what trains does not tell apart, and what would."""
+    """Terms of a member that the training data does not distinguish, and data that would."""
     terms, notes, others = fitted.member.terms, [], []
     softened: dict[str, int] = {}
     for i, k in twins.items():

@@ -36,7 +36,7 @@ class Verdict:
 def temperature_tunables(
     device: Device, system: System, recording: Recording
 ) -> dict[str, dict[str, float]]:
-    """What a recording's temperature sets in a System, by instance."""
+    """Tunables set by a recording's temperature, by instance."""
     known = [(i, t) for i, t in system.tunables if t.name == TEMPERATURE]
     wanted = recording.temperature_C
     if wanted is None or not known:

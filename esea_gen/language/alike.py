@@ -40,7 +40,7 @@ def alike(one: Block, other: Block) -> bool:
 
 
 def joined(texts: Sequence[str]) -> str:
-    """One text for several: the words that differ stand side by side.
+    """Merge several texts into one, with the differing words side by side.
 
     >>> joined(["angle, motor side of it", "angle, load side of it"])
     'angle, motor or load side of it'

@@ -40,7 +40,7 @@ _MACROS = _words("""
 
 
 def fault_of(name: str) -> str:
-    """Why a name cannot stand in the emitted C; empty if it can."""
+    """Reason why a name is not possible in the emitted C; empty if it is."""
     if not _FORM.fullmatch(name):
         return "is not a C identifier that begins with a letter"
     if "__" in name:
@@ -55,7 +55,7 @@ def fault_of(name: str) -> str:
 
 
 def check_name(kind: str, name: str) -> None:
-    """Reject a name that cannot stand in the emitted C."""
+    """Reject a name that is not possible in the emitted C."""
     fault = fault_of(name)
     if not fault:
         return

@@ -343,7 +343,7 @@ class SystemSimulator:
         return f"<{type(self).__name__} of {', '.join(self.blocks)}>"
 
     def release(self, tick: int) -> None:
-        """Release what is due at a base tick; the tasks that start in it take hold of it.
+        """Release the latches due at a base tick; the tasks that start in it read them.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ def kept_use(session: Session) -> KeptUse:
 
 
 def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str, tuple[str, ...]]:
-    """Kept parameters that are not in force; the board's sum of all; what else it says."""
+    """Stored parameters that are not in force; the board's checksum; its other texts."""
     dialect = session.dialect
     known = session.known_parameters()
     asked, text = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_STATUSTEXT
@@ -111,7 +111,7 @@ def _use(m: Any) -> KeptUse:
 
 
 def coupling_lives(session: Session) -> tuple[CouplingLife, ...]:
-    """What every coupling has borne: those that are fitted, then those that lie aside."""
+    """Use of every coupling: fitted ones first, then those in store."""
     first = session.ask_for("ESEA_LIFE")
     if first.couplings == 0:
         return ()
@@ -127,7 +127,7 @@ def coupling_lives(session: Session) -> tuple[CouplingLife, ...]:
 
 
 def name_coupling(session: Session, axis: int, serial: int) -> None:
-    """Say which coupling is fitted; what it has borne before goes on."""
+    """Set the fitted coupling; the count of its earlier use continues."""
     _name(session, axis, serial, f"{serial}: another axis has it, or there is no room for one more")
 
 
@@ -181,6 +181,6 @@ def _part(session: Session, first: int, records: int = 0) -> Any:
 
 
 def release_blackbox(session: Session) -> None:
-    """Let the black box go on: what it holds is lost."""
+    """Restart the black box and discard its content."""
     if _part(session, 0, _RELEASE).count:
         raise LinkError("the black box was not released", "A paired board asks for its key.")

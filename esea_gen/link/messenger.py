@@ -193,14 +193,14 @@ class Messenger:
         return self.learn_time().boot
 
     def take_time_of(self, other: Messenger) -> None:
-        """Ask over another way: the one to here is made anew, and the board may be, too."""
+        """Adopt the clock of a new connection, possibly to a new board."""
         known = other.learn_time()
         self._board_time = known._replace(at_s=self.clock_s())
         own = self._encoder.signing
         own.timestamp = max(own.timestamp, other._encoder.signing.timestamp)
 
     def sign_as_well(self, encoder: Any) -> None:
-        """Have another encoder sign as this session does, whatever key it is given."""
+        """Sign with another encoder as this session does, with any key."""
         encoder.signing = self._encoder.signing
 
     def _ask_time_in_passing(self, known: BoardTime) -> BoardTime:
@@ -231,7 +231,7 @@ class Messenger:
             raise
 
     def pending(self) -> list[Any]:
-        """What has come and nobody has waited for; it does not wait."""
+        """Received messages that nobody has read; does not wait."""
         while self._read(0.0):
             pass
         found = list(self._pending)

@@ -37,7 +37,7 @@ class Session(Messenger):
         self._choice = time.monotonic_ns() % 256  # so that samples for a session before are known
 
     def reset(self) -> None:
-        """Return the board to its initial state; what it sent before is dropped."""
+        """Return the board to its initial state; drop its earlier messages."""
         for _ in range(RESETS):  # moves nothing: on a busy machine it may be asked again
             result = self.command(self.dialect.MAV_CMD_USER_1, drop_before=True)
             if not self.was_late:
@@ -48,11 +48,11 @@ class Session(Messenger):
             raise LinkError(f"the board cannot reset: {self.fault()}")
 
     def zero(self) -> None:
-        """Take the present angles as zero: the joint is at its zero, unloaded, and stands still."""
+        """Zero the encoders at the present angles: the joint is at its zero, unloaded, at rest."""
         self._ask("zero", self.dialect.MAV_CMD_USER_2)
 
     def arm(self) -> None:
-        """Switch the motor on; from the next tick on the board takes what is wanted."""
+        """Switch the motor on; from the next tick on the board follows commands."""
         self._ask("arm", self.dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
 
     def disarm(self) -> None:
@@ -75,7 +75,7 @@ class Session(Messenger):
         self._ask("clear the fault", self.dialect.MAV_CMD_USER_3)
 
     def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
-        """Send what is wanted, which holds until its deadline; nothing is waited for."""
+        """Send a command, which is valid until its deadline, without waiting for an answer."""
         cls = self._classes.get("ESEA_WANTED")
         if cls is None:
             raise LinkError("this device has no motor: nothing can be wanted of it")
@@ -90,7 +90,7 @@ class Session(Messenger):
         self.send(self.message("ESEA_WANTED", *(fields[n] for n in cls.fieldnames)))
 
     def tell(self, name: str, interval_us: float) -> None:
-        """Have the runs of a task told: its ``ESEA_<TASK>_IN`` or ``_OUT``."""
+        """Stream the runs of a task: its ``ESEA_<TASK>_IN`` or ``_OUT``."""
         wanted = (float(self._classes[name].id), interval_us)
         self._ask(f"tell {name}", self.dialect.MAV_CMD_SET_MESSAGE_INTERVAL, *wanted)
 
@@ -101,7 +101,7 @@ class Session(Messenger):
         return streams.signals(self.dialect)
 
     def stream(self, names: Iterable[str], rate_Hz: float = 0.0) -> tuple[BoardStream, ...]:
-        """Have values sent at a rate (0: every run), rounded to whole runs; a stream a task."""
+        """Stream values at a rate (0: every run), rounded to complete runs; a stream a task."""
         tick_s = self.info().tick_us * 1e-6
         interval = max(1, round(1 / (rate_Hz * tick_s))) if rate_Hz > 0 else 1
         made = []
@@ -163,7 +163,7 @@ class Session(Messenger):
     # -- parameters --------------------------------------------------------------------------------
 
     def known_parameters(self) -> list[BoardParameter]:
-        """What parameters there are, with unit, bounds, default and meaning."""
+        """Parameters of the board, with unit, bounds, default and meaning."""
         return known_parameters(self.dialect)
 
     def parameters(self) -> dict[str, float]:
@@ -189,7 +189,7 @@ class Session(Messenger):
         return float(answer.param_value)
 
     def set_parameter(self, name: str, value: float) -> float:
-        """Set a parameter, by full name or id; what the board refuses is an error that says why."""
+        """Set a parameter, by full name or id; a refusal is an error with the board's reason."""
         p = find_parameter(self.known_parameters(), name)
         kind = self.dialect.MAV_PARAM_TYPE_REAL32
         for _ in self.attempts():
@@ -225,7 +225,7 @@ class Session(Messenger):
         self._store("load its parameters", 0.0, "It keeps none, or of other firmware.")
 
     def default_parameters(self) -> None:
-        """Put all defaults in force; what is kept stays."""
+        """Put all defaults in force; stored values stay."""
         self._store("take its defaults", 2.0, "")
 
     def _store(self, what: str, action: float, failed: str) -> None:
@@ -281,7 +281,7 @@ class Session(Messenger):
         return self.ask_for("ESEA_TRAFFIC")
 
     def clock(self) -> Any:
-        """The board's own clock: ticks, what was lost or late, its state."""
+        """The board's own clock: ticks, lost and late ones, its state."""
         return self.ask_for("ESEA_CLOCK")
 
 

@@ -39,7 +39,7 @@ class Transport(ABC):
 
     @abstractmethod
     def read(self, timeout_s: float) -> bytes:
-        """What has come, at least a byte; nothing when nothing comes in time."""
+        """Received bytes, at least one; empty after the timeout."""
 
     @abstractmethod
     def write(self, data: bytes, timeout_s: float) -> None:
@@ -50,7 +50,7 @@ class Transport(ABC):
         """Let go of the other end; more than once does no harm."""
 
     def said(self) -> str:
-        """What the other end said beside the link, for an error's text; empty when nothing."""
+        """Output of the other end beside the link, for an error's text; may be empty."""
         return ""
 
 
@@ -251,7 +251,7 @@ class Process:
         return self._process.poll() is None
 
     def said(self) -> str:
-        """What it has said so far."""
+        """Output so far."""
         if self._log.closed:
             return ""
         self._log.seek(0)

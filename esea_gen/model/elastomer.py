@@ -73,7 +73,7 @@ def _symbols_of(p: Mapping[str, Any]) -> dict[sp.Symbol, Any]:
 
 
 def _tunable_ports(device: DeviceData, stops: int, rate_terms: bool) -> dict[str, Any]:
-    """The elastomer's parameters as tunables: what identification runs."""
+    """The elastomer's parameters as tunables, for identification."""
     keys = MODEL_KEYS + (RATE_KEYS if rate_terms else ())
     given = dict(device.quantities())
     dotted = {k: f"elastomer.maxwell.{k}" if k in RATE_KEYS else f"elastomer.{k}" for k in keys}

@@ -39,7 +39,7 @@ UNIT_REACH = 16.0
 
 
 def unit_terms(member: Member, period_s: float) -> Block:
-    """A member's terms, each with weight 1: what its weights are solved from."""
+    """A member's terms, each with weight 1, from which its weights are solved."""
     steps = FamilyStep(
         unit_elements(member),
         scale_rad=1.0,
@@ -70,7 +70,7 @@ def unit_terms(member: Member, period_s: float) -> Block:
 
 
 def torque_limit(device: DeviceData, fitted: FittedMember) -> float:
-    """The device's limit, or what the model can reach: the inverse is of an unclipped torque."""
+    """The device's limit, or the model's largest torque: the inverse is of an unclipped torque."""
     reach = fitted.most_Nm(device.file.limits.theta_rad.value)
     return threshold(max(device.file.limits.tau_Nm.value, ROOM * reach))
 
@@ -94,7 +94,7 @@ def family_step(
 
 
 def temperature_parts(device: DeviceData, fitted: FittedMember) -> dict[str, Any]:
-    """What a Block needs so that its member knows the rubber's temperature."""
+    """Parts of a Block for the rubber's temperature."""
     t = fitted.temperature
     if t is None:
         return {}

@@ -99,7 +99,7 @@ def merged_elements(fitted: FittedMember) -> tuple[FamilyElement, ...]:
 
 
 def maxwell_shares(ratio: float) -> tuple[float, float]:
-    """What of the new and of the last drive goes into the relaxed part of a Maxwell branch."""
+    """Shares of the new and the last drive in the relaxed part of a Maxwell branch."""
     if ratio < 1e-3:  # the differences would cancel
         return ratio / 2 - ratio**2 / 6, ratio / 2 - ratio**2 / 3
     decay = math.exp(-ratio)

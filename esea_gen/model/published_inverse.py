@@ -77,7 +77,7 @@ def _play_grid(kappa: Any, phi: Any, chi: Any) -> tuple[list[Any], list[Any]]:
 
 
 def _tunable_plays(plays: Sequence[Constant]) -> dict[str, Any]:
-    """The play operators' parameters as tunables: what identification runs."""
+    """The play operators' parameters as tunables, for identification."""
     tunables = tuple(file_tunable(f"inverse.{c.name}", c) for c in plays)
     high = {t.name: t.high for t in tunables}
     far, heavy = PLAYS * high["chi_rad"], high["kappa_rad"]

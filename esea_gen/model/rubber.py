@@ -57,7 +57,7 @@ def rubber_inverse(device: DeviceData) -> Block:
 
 
 def stiffness_range_Nm_rad(device: DeviceData) -> tuple[float, float]:
-    """Least and largest stiffness of the coupling, for what must hold whatever it remembers."""
+    """Smallest and largest stiffness of the coupling, for any history."""
     if device.file.family is not None:
         fitted, reach = fitted_of(device), device.file.domain.theta_max_rad.value
         return fitted.least_slope_Nm_rad(reach), fitted.most_slope_Nm_rad(reach)

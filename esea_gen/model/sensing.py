@@ -127,13 +127,13 @@ def sensing_system(
 
 
 def measures_counts(device: DeviceData) -> bool:
-    """Whether a device's file has what turns the counts of its two encoders into a deflection."""
+    """Whether a device's file has the numbers to turn counts of its encoders into a deflection."""
     encoders = device.file.encoder
     return None not in (encoders.motor, encoders.load, device.file.joint)
 
 
 def counting_system(device: DeviceData, velocity: Block, sensor: Block) -> System:
-    """The measuring System from the counts of both encoders: what a board without a motor runs."""
+    """Measuring System from the counts of both encoders, for a board without a motor."""
     joint = section_of(device, "joint")
     reach_rad = max(abs(joint.theta_min_rad.value), abs(joint.theta_max_rad.value))
     blocks = {

@@ -46,7 +46,7 @@ class SetRate:
         return {p.name: results[f"next_{p.name}"] for p in self.state}
 
     def clipped(self, c: Any, s: Any, primed: ca.SX, theta: ca.SX) -> ca.SX:
-        """Whether what is kept for the next step is clipped at its range."""
+        """Whether the stored value for the next step is clipped at its range."""
         results = self._step(c, s, primed, theta)
         limit = next(p.high for p in self.state if p.name == "v_rad_s")
         fast = ca.fabs(results["label_rate_raw_rad_s"]) > limit

@@ -195,7 +195,7 @@ class _Cable:
     def learnt_give(
         self, s: SimpleNamespace, u: SimpleNamespace, pull: Any, taut: Any, label: Labels
     ) -> dict[str, Any]:
-        """What the cable gives for a torque: by how both change while it is taut (LMS)."""
+        """Learnt compliance of the cable: from both changes while it is taut (LMS)."""
         goes_on = ca.logic_and(taut, s.taut)
         turned = u.theta_gear_rad - u.theta_motor_rad
         by_angle = ca.if_else(goes_on, turned - s.mean_rad, 0.0)

@@ -54,7 +54,7 @@ def bandwidth_limit_1_s(device: DeviceData, cutoff: Quantity) -> float:
 def bandwidth_tunable(
     device: DeviceData, bandwidth: Quantity, cutoff: Quantity, key: str, cutoff_key: str
 ) -> Tunable:
-    """Tunable bandwidth of a disturbance observer, within what its velocity filter allows."""
+    """Tunable bandwidth of a disturbance observer, within its velocity filter's limit."""
     limit = bandwidth_limit_1_s(device, cutoff)
     if bandwidth.value > limit:
         low, _ = cutoff_range(device, cutoff)
@@ -92,7 +92,7 @@ def drive_observer_by_gear(device: DeviceData) -> Block:
 
 
 def gear_observer(device: DeviceData) -> Block:
-    """What (5.2) leaves unexplained of the motor's own encoder (De Luca, Mattone, ICRA 2003)."""
+    """Motion of the motor's encoder that (5.2) does not explain (De Luca, Mattone, ICRA 2003)."""
     return Block.of(_DriveObserver(device, "gear_observer"))
 
 

@@ -49,7 +49,7 @@ class Report(Findings):
         return self.mismatches + drive.problems(self)
 
     def verdicts(self) -> dict[str, Any]:
-        """Two, apart: whether the C matches the model, and what the device does."""
+        """Two separate verdicts: the C against the model, and the device's behaviour."""
         ran = self.board.results
         text = "The C matches the model" if self.matches else "The C does not match the model"
         where = "here and on the emulated board" if ran else "here; the board was not run"

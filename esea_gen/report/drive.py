@@ -29,7 +29,7 @@ BADLY = ("unstable", "tripped", "fault", "failure")
 
 
 def own_law(device: Device) -> str:
-    """What `simulate` calls the device's controller."""
+    """Name of the device's controller in `simulate`."""
     name, law = device.given
     return f"{law}@{name}" if law else name
 
@@ -97,7 +97,7 @@ def _ended(case: dict[str, Any], how: str) -> str:
 
 
 def _tasks(found: Findings) -> dict[str, Any]:
-    """Tasks with their Blocks in order, and what crosses the System's border."""
+    """Tasks with their Blocks in order, and the System's inputs and outputs."""
     system, period_ms = found.device.system, 1000 * found.device.period_s
     tasks = []
     for t in system.tasks:

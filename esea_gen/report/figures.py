@@ -64,7 +64,7 @@ def recorded(r: Recording, model_Nm: Array, model_name: str = "C, float32") -> C
 def plots(
     traces: Sequence[Curve], full_scale_Nm: float, roundings: Sequence[tuple[Array, Array] | None]
 ) -> list[dict[str, Any]]:
-    """Loops and torque over time of every curve, with what their captions need."""
+    """Loops and torque over time of every curve, with data for their captions."""
     points = POINTS_PER_PAGE // (2 * max(len(traces), 4))
     shared = _share_loops(traces)
     drawn = []

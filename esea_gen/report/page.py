@@ -24,7 +24,7 @@ class PageSection(NamedTuple):
 
 @cache
 def environment() -> jinja2.Environment:
-    """The environment of pages, with what writes numbers for people."""
+    """Jinja environment of pages, with filters for numbers."""
     env = pages.environment()
     env.filters |= {
         "num": number,

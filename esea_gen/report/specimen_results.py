@@ -104,13 +104,13 @@ class SpecimenResults:
     coupling: dict[str, Any] | None
 
     def summary(self) -> list[str]:
-        """A few lines for the terminal: the error, and what is not known yet."""
+        """A few lines for the terminal: the error, and missing results."""
         errors, wanted = self.identified["mean_rms"], self.wanted()
         lines = [f"{self.device.title}: held out {errors['held_out_percent']:.2f} % of full scale"]
         return lines + [f"not known: {NAMES[k]}; {c}" for k, c in wanted.items()]
 
     def wanted(self) -> dict[str, str]:
-        """What is not known yet, by kind, and the command that would tell."""
+        """Missing results, by kind, and the command that computes each."""
         commands = {
             COMPARED: f"esea-gen identify {self.asked} --compare --json compared.json",
             AGREED: "esea-gen reliability SPECIMENS.toml --json reliability.json",
@@ -122,7 +122,7 @@ class SpecimenResults:
 def gather_specimen(
     mapping: Path, results: Sequence[Path], data: Path | None, tell: Progress
 ) -> SpecimenResults:
-    """Read what is known of a specimen; identify it where no result says how."""
+    """Read the results of a specimen; identify it if there is no identification."""
     source = load_mapping(mapping, data)
     given: dict[str, tuple[Path, dict[str, Any]]] = {}
     for path in results:

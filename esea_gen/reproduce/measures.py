@@ -182,7 +182,7 @@ class Measures:
         return self._errors[key]
 
     def tuning(self) -> Numbers:
-        """What the device's own sensor shows, as in the thesis."""
+        """Tuning case by the device's own sensor, as in the thesis."""
         names = {"SMC": SMC, "MPC, reference known ahead": MPC, "MPC, not known ahead": BLIND}
         found = {}
         for name, controller in names.items():

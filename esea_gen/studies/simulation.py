@@ -331,7 +331,7 @@ def default_person(study: str, plant: str) -> str:
 def simulate_case(
     study: str, case: str, seed: int, kept: dict[str, Any] | None = None, **setting: Any
 ) -> dict[str, float]:
-    """Run and measure one case by name, in the setting of these fields: what a worker does.
+    """Run and measure one case by name, in the setting of these fields, in a worker.
 
     ``kept`` takes what the study keeps of this run, in this process.
     """

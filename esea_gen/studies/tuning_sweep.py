@@ -82,7 +82,7 @@ def run_trial(
     plant: str,
     seed: int,
 ) -> dict[str, float]:
-    """Run and judge one value: what a worker does."""
+    """Run and judge one value, in a worker."""
     # Gains that swing are to be seen doing it, not softened.
     unsoftened = {SOFTENING: 0.0} if SOFTENING in tunables_of(controller) else {}
     tunables: dict[str, dict[str, float]] = {}
@@ -274,7 +274,7 @@ class Tuning:
         }
 
     def device_lines(self) -> list[str]:
-        """What to write in a device file to have the chosen values, section by section."""
+        """Lines for a device file with the chosen values, section by section."""
         case = tuning_case(self.controller).name
         source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
         by_section: dict[str, list[str]] = {}
@@ -420,7 +420,7 @@ ROWS = (
 
 @styled
 def tuning_trade(x: Array, figures: Array, *, parameter: str, chosen: float | None) -> Figure:
-    """What a parameter trades: the rows of ``figures``, NaN where a value is unusable."""
+    """Effect of a parameter: the rows of ``figures``, NaN where a value is unusable."""
     figure, grid = new_figure(9.6, 5.0, nrows=3, sharex=True)
     log = bool(x[0] > 0 and x[-1] > 10 * x[0])
     if log:

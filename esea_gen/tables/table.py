@@ -88,7 +88,7 @@ def numbered(what: str, lines: Sequence[int]) -> str:
 
 
 def remedy(settings: str, key: str, otherwise: str) -> str:
-    """What to do, and which key of the format helps as well where the user can set one."""
+    """Remedy, and the key of the format that helps if the user can set one."""
     return f"{otherwise}, or set {key} in {settings}." if settings else f"{otherwise}."
 
 
@@ -212,7 +212,7 @@ class FileTable:
         return plain and not self.left_out
 
     def how(self) -> str:
-        """How the file is written, and what was left out."""
+        """Format of the file, and omitted data."""
         f = self.form
         how = str(f.kind)
         if f.kind == "csv":
@@ -224,7 +224,7 @@ class FileTable:
         return f"{how}; left out: {'; '.join(self.left_out) or 'nothing'}"
 
     def report(self) -> str:
-        """One line: rows, how the file is written, and what was left out."""
+        """One line: rows, format of the file, omitted data."""
         return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
 
     def fix(self, key: str, otherwise: str) -> str:

@@ -112,7 +112,7 @@ def wrist(
     noise_Nm: float = 0.0,
     passive_scale: float = 1.0,
 ) -> CoupledHand:
-    """A hand by what it does on each axis: stiffness and damping towards its intended path."""
+    """A hand by its behaviour on each axis: stiffness and damping towards its intended path."""
     c, s = math.cos(_TILT_RAD), math.sin(_TILT_RAD)
     soft, stiff = passive_scale * _SOFTEST_NM_RAD, passive_scale * _STIFFEST_NM_RAD
     passive = soft * c * c + stiff * s * s, soft * s * s + stiff * c * c

@@ -54,7 +54,7 @@ WHOLE = ("stored_J", "plant_status")  # outputs of the plant, not of an axis
 
 
 def own_tunables() -> tuple[Tunable, ...]:
-    """What an axis of a hand has beside a plant's person."""
+    """Tunables of a hand's axis beside those of a plant's person."""
     return (
         assumed("passive_Nm_rad", 0, 0, 1000, "passive stiffness of the joint"),
         assumed("rest_rad", 0, -10, 10, "angle at which the joint rests"),
@@ -62,7 +62,7 @@ def own_tunables() -> tuple[Tunable, ...]:
 
 
 def cross_tunables() -> tuple[Tunable, ...]:
-    """What couples the two axes of a hand."""
+    """Tunables that couple the two axes of a hand."""
     return (
         assumed("inertia_cross_kgm2", 0, -10, 10, "inertia between the axes"),
         assumed("damping_cross_Nms_rad", 0, -100, 100, "the hand's own damping between the axes"),

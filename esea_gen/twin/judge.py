@@ -67,7 +67,7 @@ def desired_torque(case: Case, run: ClosedLoopRun) -> Array:
 
 
 def above(values: Array, cutoff_Hz: float = SWINGS_HZ) -> Array:
-    """What is above a frequency: fourth order, forth and back, so that nothing is shifted."""
+    """High-pass at a frequency: fourth order, forwards and backwards, without a shift."""
     from scipy.signal import butter, sosfiltfilt
 
     high = butter(4, cutoff_Hz, "highpass", fs=RATE_HZ, output="sos")
@@ -131,7 +131,7 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float) -> dict[str, float]:
 
 
 def fault_figures(run: ClosedLoopRun, fault: EncoderFault) -> dict[str, float]:
-    """What a fault did to the limb until it was found, and :data:`AFTER_S` longer."""
+    """Effect of a fault on the limb until its detection, and :data:`AFTER_S` longer."""
     tick_s = float(run.time_s[1] - run.time_s[0])
     first = round(fault.at_s / tick_s)
     if first >= len(run) - 1:

@@ -29,7 +29,7 @@ def beyond(x: ca.SX, low: Any, high: Any) -> ca.SX:
 
 
 def limb_torques(c: Any, s: Any, u: Any, x_l: ca.SX, v_l: ca.SX) -> SimpleNamespace:
-    """What acts on the load beside the coupling (5.3); ``slope`` and ``d_end`` over its speed.
+    """Torques on the load beside the coupling (5.3); ``slope`` and ``d_end`` over its speed.
 
     ``end`` is how far the joint is beyond its range.
     """
@@ -76,7 +76,7 @@ def moved_load(limb: SimpleNamespace, a: ca.SX, w: ca.SX, tau_h: ca.SX) -> Simpl
 
 
 def gear_torques(c: Any, x_g: ca.SX, v_g: ca.SX, drive_Nm: ca.SX, label: Labels) -> SimpleNamespace:
-    """Disturbance, friction with its slope, and what is left of the drive (5.2)."""
+    """Disturbance, friction with its slope, and the drive's remaining torque (5.2)."""
     d4 = ca.SX(0)
     for i in range(SINES):
         d4 = d4 + sine_of_turns(c.wave_turns[i] * x_g + c.phase_turns[i])
@@ -141,7 +141,7 @@ def trip(c: Any, s: Any, u_a: ca.SX, w_g: ca.SX, label: Labels) -> tuple[ca.SX, 
 def powers(
     c: Any, drive_Nm: ca.SX, coupling: Any, load: Any, gear: Any, moved: Any, q: float
 ) -> dict[str, ca.SX]:
-    """In W at the end of the step, by what does the work; ``q`` is half a step."""
+    """Powers in W at the end of the step, by source; ``q`` is half a step."""
     return {
         "motor": drive_Nm * moved.w_g,
         "loss": moved.loss

@@ -200,13 +200,13 @@ def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
 
 
 def deviation(name: str, device: Device, seed: int) -> Deviation:
-    """What is off in the run of a seed, by the name of one family."""
+    """Mismatch in the run of a seed, by the name of one family."""
     (only,) = chosen_families(name)
     return off_families()[only].draw(device, np.random.default_rng([seed, _DRAWS]))
 
 
 def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
-    """Refuse a family that changes what a plant does not have."""
+    """Reject a family that changes a property missing in the plant."""
     missing = [k for k in off.values if k not in known]
     if missing:
         raise UserError(

@@ -109,7 +109,7 @@ def _bounds(device: DeviceData) -> list[Tunable]:
 
 
 def plant_tunables(device: DeviceData, cable: bool) -> tuple[Tunable, ...]:
-    """What may vary from one plant to the next without a new compilation."""
+    """Tunables that vary between plants without a new compilation."""
     for key in ("actuator", "joint"):
         section_of(device, key, "the virtual exoskeleton needs it")
     drive = _given(device.file.actuator, _DRIVE)

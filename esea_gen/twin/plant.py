@@ -81,7 +81,7 @@ def true_sensor(device: DeviceData, step_s: float) -> Block:
 def sensed(
     sensor: Block, s: SimpleNamespace, delta: ca.SX, rate: ca.SX
 ) -> tuple[dict[str, ca.SX], dict[str, list[ca.SX]]]:
-    """What a sensor's step gives for a deflection and its rate, and what it remembers."""
+    """Torque of a sensor's step for a deflection and its rate, and its next state."""
     names = [p.name for p in sensor.state]
     results = sensor.step.call([*(vars(s)[n] for n in names), delta, rate])
     outputs = (p.name for p in sensor.outputs)
@@ -325,7 +325,7 @@ def plant_equations(cable: bool) -> tuple[Equation, ...]:
 def start_state(
     plant: Block, start_rad: float, axis: str = ""
 ) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """State of a plant's Block at rest at an angle, and what its outputs show of it."""
+    """State of a plant's Block at rest at an angle, and its outputs."""
     name = of_axis("theta_rad", axis)
     count = next(p.size for p in plant.state if p.name == name)
     shown = {of_axis(f"theta_{b}_rad", axis): start_rad for b in _BODIES}

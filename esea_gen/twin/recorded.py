@@ -42,13 +42,13 @@ def _tuning_case(device: Device, ticks: int) -> Trajectory:
 
 
 def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Array]:
-    """What a controller is told in the tuning case: off at first, armed, then torque control."""
+    """Inputs of a controller in the tuning case: off at first, armed, then torque control."""
     signals = told(device, loop, _tuning_case(device, ticks), TORQUE, device.axes[0])
     return {k: v[:ticks] for k, v in signals.items() if k in loop.signals or k in loop.intent}
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
-    """Run the tuning case and keep what went into every task and came out."""
+    """Run the tuning case and record every task's inputs and outputs."""
     _tuning_case(device, ticks)  # before anything takes time
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")

@@ -86,7 +86,7 @@ def _stepped(device: Device, variant: PlantVariant) -> PlantVariant:
 
 
 def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) -> dict[str, Array]:
-    """What a predictive controller with a known future is given."""
+    """Previews for a predictive controller with a known future."""
     ticks = np.rint(np.array(horizon.ends_s) * RATE_HZ).astype(int) - round(tick_s * RATE_HZ)
     n = len(path.tau_desired_Nm)
     at = np.minimum(np.arange(n)[:, None] + ticks, n - 1)
@@ -101,7 +101,7 @@ def previews(path: Trajectory, horizon: Horizon, tick_s: float = 1 / RATE_HZ) ->
 def told(
     device: Device, loop: ClosedLoop, path: Trajectory, mode: int, axis: str = ""
 ) -> dict[str, Array]:
-    """What a controller is told along a path: off at first, armed, then the mode; the first law."""
+    """Inputs of a controller along a path: off at first, armed, then the mode; the first law."""
     n = len(path.tau_desired_Nm)
     t = np.arange(n) / RATE_HZ
     slow_s = device.system.tasks[-1].every * device.period_s

@@ -107,7 +107,7 @@ class SteppedTwin:
         return self._read()
 
     def intend(self, paths: Sequence[Mapping[str, float]]) -> None:
-        """What is intended from the start of the next tick on; within it the path goes on.
+        """Set the intention from the start of the next tick on; within it the path continues.
 
         Of each axis ``theta_p_rad``, and what is not 0 of ``omega_p_rad_s``, ``alpha_p_rad_s2``,
         ``noise`` (of variance 1) and, of a hand, ``tau_Nm`` of the muscles beside the pull.
@@ -144,7 +144,7 @@ class SteppedTwin:
         return {n: float(getattr(self._plant, n)) for n in self._outputs}
 
     def felt(self) -> list[list[float]]:
-        """Of :meth:`truth` what a run needs every tick: torque, speed and angle of each limb."""
+        """Part of :meth:`truth` that a run needs at every tick: limb torques, speeds and angles."""
         return [[float(getattr(self._plant, n)) for n in names] for names in self._felt]
 
     def _read(self) -> dict[str, int]:

@@ -19,7 +19,7 @@ from esea_gen.verify.executor import step_arguments
 
 
 def steps_beyond(block: Block, bound: Bound, stream: Stream, states: Mapping[str, Array]) -> int:
-    """Steps of a run that break what a bound assumes of the state's matrix."""
+    """Steps of a run that violate a bound's assumption on the state's matrix."""
     matrix = state_matrix(block) if bound.method == "linear" else None
     if matrix is None:
         return 0
@@ -42,7 +42,7 @@ def steps_beyond(block: Block, bound: Bound, stream: Stream, states: Mapping[str
 
 
 def broken(bound: Bound, steps: int) -> str:
-    """What is said of a run that breaks what its bound assumes, although it is not rough."""
+    """Message of a run that violates its bound's assumption without being declared rough."""
     assumed = "; ".join(bound.assumptions)
     return f"{steps} steps break what the bound assumes ({assumed})"
 

@@ -25,7 +25,7 @@ MOST_TORQUE_SHARE = 0.01
 
 
 def full_scales(device: Device, block: Component) -> dict[str, float]:
-    """What counts as 100 % for each output and state of a Block."""
+    """Full scale of each output and state of a Block."""
     actuator = device.file.actuator
     out = {}
     for p in (*block.outputs, *block.state):

@@ -170,7 +170,7 @@ def unexplained(
     got: Mapping[str, Any],
     limits: Mapping[str, float],
 ) -> int:
-    """Steps whose status word differs beyond what rounding explains."""
+    """Steps whose status word differs more than rounding explains."""
     difference = expected[port.name].astype(np.int64) ^ got[port.name].astype(np.int64)
     wrong = np.zeros(len(difference), dtype=bool)
     for i, flag in enumerate(port.flags):

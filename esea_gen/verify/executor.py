@@ -189,7 +189,7 @@ def counter_fields(block: Block) -> dict[str, tuple[str, int]]:
 def expected_counters(
     block: Block, stream: Stream, outputs: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """What the counters must read after each step: never more than their maximum."""
+    """Expected counters after each step, limited to their maximum."""
     out = {}
     for field, (port, bit) in counter_fields(block).items():
         seen = outputs[port].astype(np.int64) >> bit & 1
@@ -271,7 +271,7 @@ def float32_trajectory(
 
 
 def held_stream(block: Block, stream: Stream) -> Stream:
-    """A stream as C holds it: of a flag or a count, what is not a whole number is invalid."""
+    """A stream as C stores it: a flag or count that is not an integer is invalid."""
     whole = {p.name for p in (*block.inputs, *block.state) if p.whole}
 
     def held(values: Mapping[str, Array]) -> dict[str, Array]:
@@ -317,7 +317,7 @@ class Setup:
 
 
 def expected_setup(block: Block, fmt: Format) -> Setup:
-    """What ``prepare`` and ``init`` of a Block must give."""
+    """Expected results of a Block's ``prepare`` and ``init``."""
     rng = np.random.default_rng(7)
     count = len(block.tunables)
     shares = [np.full(count, s) for s in SHARES] + [*rng.random((RANDOM_SETTINGS, count))]

@@ -89,7 +89,7 @@ class RawExecutor:
     def stepped(
         self, places: Mapping[str, ex.Array], count: int
     ) -> tuple[dict[str, Raw], dict[str, Raw]]:
-        """As :meth:`steps`, from what :meth:`places` gives."""
+        """As :meth:`steps`, from the result of :meth:`places`."""
         fields = self.plan.fields
         results = run_lowered(self.plan.step, places, count)
         split = len(fields["state"])

@@ -244,7 +244,7 @@ def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> Exa
 
 
 def judged(said: str, code: int) -> ExampleRun:
-    """What to think of an example program's words and exit code."""
+    """Verdict on an example program's output and exit code."""
     agree, checked = _count(_SAMPLES, said)
     held, asked = _count(_LATCH, said)
     problems = []

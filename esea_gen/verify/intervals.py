@@ -32,7 +32,7 @@ class Interval:
         return self.low == self.high and not self.nan
 
     def inside(self, low: float, high: float) -> Interval:
-        """Of this, what lies between two numbers."""
+        """Part of this interval between two numbers."""
         return Interval(max(self.low, low), min(self.high, high), self.nan)
 
 

@@ -72,7 +72,7 @@ def analysed(
     change: Callable[[str, str], str] | None,
     folders: Sequence[str] = (),
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, int]]:
-    """Alarms, what is unproven, and how many statements and functions were reached."""
+    """Alarms, unproven properties, and counts of reached statements and functions."""
     frama = find_compiler("frama-c", "frama-c-base")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

@@ -197,7 +197,7 @@ def run_c(runner: CRunner, stream: Stream, restore: bool = False, raw: bool = Fa
 def changed_by_restore(
     runner: CRunner, stream: Stream, got: Run, *groups: Iterable[str], raw: bool = False
 ) -> list[str]:
-    """What is said of outputs and states that a stop and a restored state change."""
+    """Message on outputs and states that a stop and a restored state change."""
     again = run_c(runner, stream, restore=True, raw=raw)
     return [
         f"{name}: stop and restore changes it"
@@ -208,7 +208,7 @@ def changed_by_restore(
 
 
 def not_finite(ports: Iterable[Port], values: Mapping[str, Array]) -> list[str]:
-    """What is said of values that are not numbers."""
+    """Message on values that are not numbers."""
     return [
         f"{p.name} is not finite"
         for p in ports

@@ -88,7 +88,7 @@ def _number(value: float, whole: bool) -> str:
 
 
 def trace_stream(device: Device) -> tuple[dict[str, Array], list[TaskRun]]:
-    """The fixed stream of a device, the parts of ``PARTS`` in turn; and what its tasks answer."""
+    """The fixed stream of a device, the parts of ``PARTS`` in turn; and its tasks' outputs."""
     system, domain = device.system, device.file.domain
     rate_Hz = 1.0 / system.base_period_s
     top_Hz = 0.8 * domain.omega_max_rad_s.value / (2 * math.pi * domain.theta_max_rad.value)
@@ -181,7 +181,7 @@ def _read(text: str) -> tuple[list[str], dict[str, Array]]:
 
 
 def differences(trace: Trace, text: str) -> list[str]:
-    """What differs between a trace and a stored one, in words."""
+    """Differences between a trace and a stored one, in words."""
     try:
         names, old = _read(text)
         steps = old["step"]
@@ -308,7 +308,7 @@ TaskRun = tuple[int, str, Mapping[str, Any]]
 def play(
     system: System, stream: Mapping[str, Array], before: Callable[[int], None] = lambda k: None
 ) -> Iterator[TaskRun]:
-    """Run a symbolic System over a stream; ``before`` a tick what it measures may be put there."""
+    """Run a symbolic System over a stream; ``before`` may set a tick's measurements."""
     simulator = system.simulator(zeros_missing(system))
     inputs = {t.name: system.task_inputs(t) for t in system.tasks}
     for k in range(len(next(iter(stream.values())))):
@@ -326,7 +326,7 @@ def play(
 
 
 def drive_stream(device: Device, deflection_rad: Array) -> tuple[dict[str, Array], list[TaskRun]]:
-    """Every external input of a drive, a row a tick; and what its tasks made of them."""
+    """Every external input of a drive, a row a tick; and the outputs of its tasks."""
     system, a = device.system, device.file.actuator
     assert a is not None
     rate_Hz = 1.0 / system.base_period_s

@@ -149,5 +149,5 @@ def test_neither_a_folder_nor_a_pipe_nor_a_device_is_a_key_file(tmp_path):
     os.mkfifo(tmp_path / "pipe", 0o600)
     (tmp_path / "folder").mkdir(0o700)
     for path in (tmp_path / "pipe", tmp_path / "folder", "/dev/zero", tmp_path / "gone"):
-        with pytest.raises(LinkError, match=r"is no file|cannot be read"):
+        with pytest.raises(LinkError, match=r"is not a file|cannot be read"):
             read_key(tmp_path / path)

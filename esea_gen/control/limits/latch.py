@@ -161,7 +161,7 @@ def _energy(n: LimitNumbers, s: Any, u: Any, label: Labels) -> SimpleNamespace:
 def _causes(
     n: LimitNumbers, c: Any, u: Any, guard: Guard, m: SimpleNamespace, age: ca.SX, energy: ca.SX
 ) -> dict[Fault, ca.SX]:
-    """What forbids a motor command, in the order in which one is named."""
+    """Causes that forbid a motor command, in order of precedence."""
     lowest = ca.fmax(c.trip_low_rad, n.trip_low)
     highest = ca.fmin(c.trip_high_rad, n.trip_high)
     apart = u.theta_motor_rad - u.theta_load_rad

@@ -170,7 +170,7 @@ class _EncoderMonitor:
 
 
 def monitor(device: DeviceData) -> Block:
-    """What is doubted: of either joint encoder, or that the command swings too often."""
+    """Detect an unsound joint encoder, or a command that swings too often."""
     return Block.of(_Monitor(device))
 
 

@@ -40,7 +40,7 @@ def ahead(
     one_layer: bool,
     torque_given: bool | None = None,
 ) -> Block:
-    """Wanted torque, and the impedance law's path and gains, at the end of every interval."""
+    """Desired torque, and the impedance law's path and gains, at the end of every interval."""
     return Block.of(
         _Ahead(device, horizon, given, one_layer, given if torque_given is None else torque_given)
     )

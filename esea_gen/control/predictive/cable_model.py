@@ -62,7 +62,7 @@ class CableModel:
         return t.let("delta_next", turned - held + back * over)
 
     def coulomb(self, t: Tape, fc_Nm: float, pull: Any) -> Any:
-        """Coulomb friction with what the cable loses: a share of its torque, against the motion."""
+        """Coulomb friction with the cable's loss: a share of its torque, against the motion."""
         return t.keep(
             "coulomb",
             fc_Nm + self.loss * ca.fabs(pull),

@@ -131,7 +131,7 @@ class _Drive:
         self.parameters = ("d4_rad_s2", *own, *gains, *gap)
 
     def _inputs(self, many: int, preview: bool) -> None:
-        """What is measured, and what is wanted with the references read from it."""
+        """Measured inputs, and desired values with their references."""
         drive, u_max = self.drive, self.u_max
         low, high, fast = drive.theta_low_rad, drive.theta_high_rad, drive.omega_rad_s
         angle = Port("theta_l_rad", low, high, "load side's angle")
@@ -265,7 +265,7 @@ class _Drive:
         return clip(tau, -self.drive.tau_h_Nm, self.drive.tau_h_Nm)
 
     def shape(self, t: float) -> float:
-        """What the forecast takes of the time since the measurement."""
+        """Inputs of the forecast from the time since the measurement."""
         fade = self.drive.disturbance.decay_s.value
         # The extended-state observer's own model: the rate decays, the torque settles.
         return t if self.published else fade * (1 - math.exp(-t / fade))

@@ -250,7 +250,7 @@ class _Coefficients:
 
 
 def _resolve(expressions: list[ca.SX], entries: Sequence[Entry]) -> list[ca.SX]:
-    """The expressions with what a tape names written out."""
+    """Expressions with a tape's names expanded."""
     if not entries:
         return expressions
     symbols, values = [e.symbol for e in entries], [e.value for e in entries]

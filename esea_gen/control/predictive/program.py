@@ -40,7 +40,7 @@ def predictive_program(
     title: str = "Model predictive control",
     cap: int | None = None,
 ) -> Program:
-    """The controller of a model as a Program; the plan is what it carries, shifted by a period."""
+    """Controller of a model as a Program; its state is the plan, shifted by a period."""
     return _Writer(model, horizon, period_s, cap).program(name, title)
 
 

@@ -32,7 +32,7 @@ class FixedRounding(Rounding):
         self.lowered = lowered
 
     def computed(self, i: int) -> bool:
-        """False for what is a part of a status word."""
+        """False for a part of a status word."""
         return self.lowered.values[i] is not None
 
     def constant(self, value: float, boxes: int) -> Span:
@@ -111,7 +111,7 @@ class Propagation(StepErrors):
         self.solved = {node[k]: (s, node[s.residual]) for k, s in self.block.solved.items()}
 
     def once(self, errors: Errors) -> tuple[Errors, tuple[str, ...]]:
-        """Errors of all results, given what is allowed of the residuals of solved values."""
+        """Errors of all results, for the allowed residuals of solved values."""
         found, assumptions = super().once(errors)
         return found, assumptions + tuple(
             f"{self.block.name}: |{s.residual}| of {name} is at most {s.most:g}"

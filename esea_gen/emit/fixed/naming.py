@@ -21,13 +21,13 @@ def quantity(value: float, unit: str) -> str:
 
 
 def format_text(f: FieldPlan) -> str:
-    """Format of a field, and what one unit of its raw numbers is."""
+    """Format of a field, and the value of one raw count."""
     form = "whole number" if f.fraction == 0 else f"Q{31 - f.fraction}.{f.fraction}"
     return f"{form}, one unit is {quantity(f.lsb, f.port.unit)}"
 
 
 def field_text(f: FieldPlan, group: str) -> str:
-    """What a header says of a field's numbers: raw range, unit, what happens outside."""
+    """Header text of a field's numbers: raw range, unit, behaviour outside."""
     if f.whole:
         return ""
     text = f"raw {f.low} to {f.high}, {format_text(f)}"

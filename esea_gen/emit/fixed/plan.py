@@ -176,7 +176,7 @@ class Planner:
 def run_lowered(
     lowered: LoweredKernel, places: Mapping[str, ex.Array], count: int
 ) -> list[list[ex.Array]]:
-    """Evaluate a lowered kernel: what its C gives, bit for bit."""
+    """Evaluate a lowered kernel with the bits of its C."""
     values = defined(lowered, places, count)
     return [[ex.evaluate(e, values, count) for e in r] for r in lowered.results]
 

@@ -101,7 +101,7 @@ class BlockRanges:
 
     @property
     def looked_at(self) -> list[tuple[str, str]]:
-        """Values whose range costs most: name, and what it costs."""
+        """Values whose range costs most: name and cost."""
         wide = [(r.name, r.why_64_bits) for r in self.rows if r.why_64_bits]
         found = [(n, f"64 bits: {w}") for n, w in wide if not w.startswith("ends in comparisons")]
         lost = [(int(r.costs.split()[0]), r) for r in self.rows if r.costs]
@@ -154,7 +154,7 @@ class BlockRanges:
         yield from (f"    taken as equal: {a}" for a in self.bound.assumptions)
 
     def draw(self, axes: Axes) -> None:
-        """How many bits of its width every port and value uses; or why there are none."""
+        """Used share of every port's and value's width, or the reason why there is no plan."""
         axes.set_title(self.name, loc="left", fontsize=9)
         if self.plan is None:
             axes.set_axis_off()
@@ -187,7 +187,7 @@ class RangeReport:
         return {"device": self.device, "blocks": blocks, "not_covered": list(self.not_covered)}
 
     def table(self) -> list[str]:
-        """Every Block, then what to look at first."""
+        """Table of every Block, then the most costly values."""
         out = [line for b in self.blocks for line in [*b.lines(), ""]]
         refused = [b.name for b in self.blocks if b.plan is None]
         unbounded = [b.name for b in self.blocks if b.bound and not math.isinf(b.bound.steps)]

@@ -81,7 +81,7 @@ class Value:
         return {}
 
     def called(self, name: str) -> Value:
-        """It by a name: for one name always the same object, which keeps what is derived of it."""
+        """Cached object of a name, which stores its derived results."""
         if name not in self._called:
             self._called[name] = replace(self, expr=ex.named(name, self.expr))
         return self._called[name]

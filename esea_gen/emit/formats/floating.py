@@ -207,7 +207,7 @@ class _Operands:
         return bare(text) if separated else text
 
     def result(self, i: int, text: str, port: Port | None) -> str:
-        """What goes into a port's field; without a port it is a number."""
+        """C text for a port's field; without a port it is a number."""
         n = self.kernel.nodes[i]
         if port is None or port.kind == "quantity":
             if i in self.whole:

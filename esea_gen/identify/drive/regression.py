@@ -78,7 +78,7 @@ def _sandwich(jacobian: Array, residual: Array, blocks: Array) -> tuple[Array, i
 
 
 def fit_linear(terms: Array, wanted: Array, blocks: Array) -> LeastSquares:
-    """Coefficients of terms that add up to what is wanted."""
+    """Coefficients of terms that add up to a target."""
     # By the normal equations, ten times as fast as by singular values; the second pass takes back
     # what they lose.
     bread = np.linalg.pinv(terms.T @ terms, hermitian=True)
@@ -97,7 +97,7 @@ def fit_separable(
     high: Array,
     blocks: Array,
 ) -> LeastSquares:
-    """As :func:`fit_linear`, where what is wanted depends on a few more parameters."""
+    """As :func:`fit_linear`, where the target depends on a few more parameters."""
     from scipy.optimize import least_squares
 
     inverse = np.linalg.pinv(terms)

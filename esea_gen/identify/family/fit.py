@@ -209,7 +209,7 @@ def _trained(
 
 
 def alike(member: Member, basis: Array) -> dict[int, int]:
-    """Terms that rows do not tell from simpler ones, with what stands for each, by place."""
+    """Terms that rows do not distinguish from simpler ones, with the substitutes, by place."""
     # Any split between two such terms is as good a fit, and says something else elsewhere: so the
     # simpler one carries the torque, an unsoftened one and a spring before others. Alike are
     # columns that, once scaled to each other, differ by less than :data:`LEAST_SHARE`: with all of
@@ -304,7 +304,7 @@ class MemberChannels:
         """Nothing: weights have one best solution."""
 
     def solve(self, recordings: list[Recording]) -> float:
-        """Solve the weights, small ones too: what comes and goes would make the cost jump."""
+        """Solve the weights, small ones too: dropping some would make the cost jump."""
         self.terms = self.terms.having(recordings)
         self._fitted = fit_member(self.terms, recordings, self.full_scale_Nm, 0.0)
         _, _, residual, weight, _ = _fitted_rows(self.terms, recordings, self._fitted)

@@ -153,7 +153,7 @@ Progress = Callable[[float, str], None]
 
 
 def part_of(tell: Progress, low: float, high: float) -> Progress:
-    """Progress of a part, told as that of the whole."""
+    """Progress of a part as a share of the total."""
     return lambda share, text: tell(low + (high - low) * share, text)
 
 

@@ -256,7 +256,7 @@ def relative_jacobian(
     keys: Sequence[str],
     share: float,
 ) -> Array:
-    """What a relative change of each parameter does, by central differences."""
+    """Effect of a relative change of each parameter, by central differences."""
     columns = []
     for k in keys:
         step = share * values[k]

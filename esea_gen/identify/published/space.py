@@ -157,7 +157,7 @@ SEARCHED = ("omega_rad", "beta_1_rad", "eps1_Nms_rad", "A_Nms_rad", "m", "B", "n
 
 
 def edges_of(space: Space, x: Array) -> dict[str, str]:
-    """Parameters at the edge of the searched space, and what that means."""
+    """Parameters at the edge of the search space, and the meaning of that."""
     names = (
         ("the stops are as close as the search allows", "the stops are as far apart as allowed"),
         ("the stops' weight does not decay", "the stops' weight decays as fast as allowed"),

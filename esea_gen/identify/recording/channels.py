@@ -126,7 +126,7 @@ class ChannelNumber:
 def settled(
     source: MappingFile, model_of: Callable[[MappingFile, list[Recording]], ChannelModel]
 ) -> tuple[MappingFile, list[Recording], tuple[ChannelNumber, ...]]:
-    """A mapping's recordings, with what it left to the fit found."""
+    """A mapping's recordings, with its fitted settings filled in."""
     asked = [k for k, q in source.fittable().items() if isinstance(q, ToFit)]
     if not asked:
         return source, load_recordings(source), ()
@@ -271,7 +271,7 @@ def _sharpened(
     numbers: dict[str, float],
     bounds: Mapping[str, tuple[float, float]],
 ) -> dict[str, float]:
-    """Standard deviations from blocks left out; a lag freed of what loss the model lacks."""
+    """Standard deviations from blocks left out; a lag corrected for loss that the model lacks."""
     at = [moved(r, numbers) for r in recordings]
     model.solve(at)
     jacobian, residual, weight, rows = model.linearised()

@@ -41,17 +41,17 @@ def temperatures_of(recordings: Sequence[Recording], *, training: bool = False) 
 
 
 def far_apart(known_C: Sequence[float]) -> bool:
-    """Whether sorted temperatures tell what a temperature does."""
+    """Whether sorted temperatures are far enough apart to show an effect."""
     return len(known_C) > 1 and known_C[-1] - known_C[0] >= LEAST_APART_K
 
 
 def tells_none(recordings: Sequence[Recording]) -> bool:
-    """Whether what trains does not tell what a temperature does."""
+    """Whether the training data cannot show the effect of temperature."""
     return not far_apart(temperatures_of(recordings, training=True))
 
 
 def at_edge(factor: TemperatureFactor) -> str | None:
-    """The end of what is searched that a factor's change a kelvin sits at: low or high."""
+    """Edge of the search range at a factor's change a kelvin: low or high."""
     low, high = _bounds(factor.reference_C, (factor.low_C, factor.high_C))
     near = NEAR_EDGE * (high - low)
     if factor.per_K < low + near:
@@ -60,7 +60,7 @@ def at_edge(factor: TemperatureFactor) -> str | None:
 
 
 def temperature_name(recording: Recording) -> str:
-    """What all recordings at one temperature, to the degree, have in common."""
+    """Common name of recordings at one temperature, to the degree."""
     return "" if recording.temperature_C is None else f"{round(recording.temperature_C)} degC"
 
 

@@ -191,7 +191,7 @@ def data_sets(
     use: str,
     spoilt: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[DataSet, ...]:
-    """What errors are given for; samples that are spoilt are in none."""
+    """Data sets of the error figures, without corrupt samples."""
     spoilt = np.zeros(len(theta), dtype=bool) if spoilt is None else spoilt
     if use != "cycles":
         return (_one_set(label, theta, tau, cycles, use, True, spoilt),)

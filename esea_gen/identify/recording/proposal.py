@@ -75,7 +75,7 @@ class MappingProposal:
 
 
 def propose_mapping(recording: Path) -> MappingProposal:
-    """Inspect a recording; what no name and no number shows is left out, and named."""
+    """Inspect a recording; settings that neither names nor numbers show are omitted and listed."""
     table, units = _read(recording)
     found = _columns(table, units)
     columns = {what: table.numbers(name) for what, (name, _) in found.items()}
@@ -184,7 +184,7 @@ def _is_numeric(table: FileTable, name: str) -> bool:
 
 
 def _named(name: str, row: str) -> tuple[set[str], str]:
-    """What a column may be, by its words and the unit stated in its name or in a line of units."""
+    """Possible meanings of a column, by its words and the unit in its name or a line of units."""
     name = re.sub(r"\s*/\s*", "/", name)
     inside = re.findall(r"[\[({]([^\[\](){}]*)[\])}]", name)
     words = re.split(r"[\s_,;:\"-]+", re.sub(r"[\[({].*?[\])}]", " ", name).strip(' "'))
@@ -217,7 +217,7 @@ def _columns(table: FileTable, units: dict[str, str]) -> dict[str, tuple[str, st
 
 
 def _zeros(theta: Array, tau: Array) -> dict[str, tuple[str, str]]:
-    """Of both, what is to be subtracted, or nothing where the numbers do not show it; and why."""
+    """Offsets of both to subtract, if the numbers show them; and the reason."""
     both = {"deflection": theta, "torque": tau}
     near = {w: STILL * float(np.ptp(x)) for w, x in both.items()}
     if all(abs(x[0]) <= near[w] for w, x in both.items()):

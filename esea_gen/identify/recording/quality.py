@@ -170,7 +170,7 @@ def after_gaps(count: int, found: Sequence[int], cycles: Sequence[Cycle]) -> Mas
 
 
 def still(moving: Array, standing: Array) -> Iterator[tuple[int, int]]:
-    """Stretches in which one channel stands still although the other one moves."""
+    """Stretches in which one channel is constant although the other one moves."""
     calm = _calm(moving)
     least = STILL_SHARE * float(np.ptp(moving)) + _noise(moving, calm)
     first = last = 0  # of stretches that overlap
@@ -215,7 +215,7 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
 
 
 def stuck(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
-    """Stretches in which the deflection stands still for a fault, not as it is held."""
+    """Stretches in which the deflection is constant by a fault, not by a pause."""
     # While it is held the torque relaxes or recovers: it stays below the largest that was there, to
     # its side, at this deflection. One that goes beyond is of a deflection that goes on unseen.
     reach, calm = float(np.ptp(theta)), _calm(tau)
@@ -247,7 +247,7 @@ def offset_Nm(theta: Array, tau: Array, spoilt: Mask | None = None) -> float | N
 
 
 def backlash_rad(theta: Array, tau: Array, full_scale_Nm: float, cycles: Sequence[Cycle]) -> float:
-    """Width in which there is next to no torque, beyond what the stiffness beside it explains."""
+    """Width with almost no torque, beyond the deflection that the stiffness beside it explains."""
     small = LOOSE_TORQUE * full_scale_Nm
     reach, found = float(np.ptp(theta)), []
     for c in cycles:
@@ -273,7 +273,7 @@ def backlash_rad(theta: Array, tau: Array, full_scale_Nm: float, cycles: Sequenc
 def examined(
     time_s: Array, theta: Array, tau: Array, cycles: Sequence[Cycle], timed: bool
 ) -> tuple[Mask, tuple[Finding, ...]]:
-    """Samples that neither train nor judge, and what is wrong; tau is free of spikes."""
+    """Samples excluded from training and judging, and the reason; tau is free of spikes."""
     mask = np.zeros(len(tau), dtype=bool)
     findings: list[Finding] = []
 

@@ -45,7 +45,7 @@ MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
 
 def load_recordings(source: MappingFile) -> list[Recording]:
-    """Load every recording of a mapping; it says all numbers, none is left to the fit."""
+    """Load every recording of a mapping that leaves no number to the fit."""
     for key, q in source.fittable().items():
         if isinstance(q, ToFit):
             raise UserError(

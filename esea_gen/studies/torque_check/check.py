@@ -146,7 +146,7 @@ class TorqueCheck:
 
     @property
     def next_step(self) -> ProcedureStep | None:
-        """What comes next; None when all phases are recorded."""
+        """Next step; None when all phases are recorded."""
         done = len(self.measurements)
         return self.steps[done] if done < len(self.steps) else None
 
@@ -249,7 +249,7 @@ class TorqueCheck:
 
     @property
     def decisions(self) -> tuple[CheckDecision, ...]:
-        """Every comparison that what is recorded allows."""
+        """Every comparison that the recorded phases allow."""
         limit = self.limit_Nm
         out = []
         for m, step in zip(self.measurements, self.steps, strict=False):
@@ -291,7 +291,7 @@ class TorqueCheck:
 
     @property
     def doubt(self) -> tuple[str, str] | None:
-        """Why nothing failed and the sensor does not pass either, and what to do."""
+        """Reason why the check neither fails nor passes, and the remedy."""
         known, least = self.known, judged_from_Nm(self.device)
         open_ones = [d for d in self.decisions if not d.passed and not d.failed]
         if open_ones:
@@ -317,7 +317,7 @@ class TorqueCheck:
 
     @property
     def suspects(self) -> tuple[str, str] | None:
-        """What an error of the gain may come from, and the experiment that tells them apart."""
+        """Possible causes of a gain error, and the experiment that separates them."""
         errors = [error for _, error in self.readings]
         room = self.limit_Nm("accuracy") - COVERAGE * self.known.u_torque_Nm
         signs = {s.kind for s in self.steps[1 : 2 * len(errors) : 2]}

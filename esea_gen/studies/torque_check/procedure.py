@@ -175,7 +175,7 @@ def static_torque_Nm(device: DeviceData, theta_rad: float) -> float:
 
 
 def stiffening(device: DeviceData, load_Nm: float) -> float:
-    """Torque that an encoder's offset makes under a load, over what it makes unloaded."""
+    """Torque by an encoder's offset under a load, over the one unloaded."""
     most_rad, h = device.file.domain.theta_max_rad.value, 1e-3
     at_rad = brentq(lambda x: static_torque_Nm(device, x) - load_Nm, 0.0, most_rad)
     first, low, high = (static_torque_Nm(device, x) for x in (h, at_rad - h, at_rad + h))

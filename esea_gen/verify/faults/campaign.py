@@ -117,7 +117,7 @@ class FaultCampaign:
         return lines
 
     def table(self) -> list[str]:
-        """The table, and what is to be said of it."""
+        """The table, with its notes."""
         found = sum(r.detected for r in self.runs)
         late = [r for r in self.runs if r.bound_ticks is not None]
         e = self.envelope
@@ -217,7 +217,7 @@ def run_one(
 
 
 def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[dict[str, Any]]:
-    """What is to be run: faults in turn, each with a scene, a moment and a plant that are drawn."""
+    """Cases to run: faults in turn, each with a drawn scene, moment and plant."""
     library = compile_system(device.system, "f32")
     memory = [words(library.dtype(f"{library.prefix}_{kind}_t")) for kind in ("state", "coeffs")]
     # Models of the encoders' chips are of one axis.
@@ -315,7 +315,7 @@ def _judged(
 
 
 def fault_picture(device: str, rows: Sequence[FaultRow], torque_Nm: float) -> Figure:
-    """Inputs by kinds, then what else may break: worst torque, and ticks until found."""
+    """Inputs by kinds, then other parts: worst torque, and ticks until detection."""
     inputs = [r for r in rows if r.kind in INPUT_KINDS and " of " not in r.place]
     others = [r for r in rows if r not in inputs]
     places = list(dict.fromkeys(r.place for r in inputs))

@@ -50,7 +50,7 @@ class BoardFault:
 
     @property
     def input(self) -> str:
-        """What the table calls it."""
+        """Name in the table."""
         return f"{self.place}.{self.word}" if self.word else self.place
 
 

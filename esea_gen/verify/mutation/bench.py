@@ -77,7 +77,7 @@ class Bench:
 
     @cached_property
     def wiring(self) -> list[bytes]:
-        """What the tasks that ship do."""
+        """Outputs of the tasks that ship."""
         return task_signature(self.library)
 
     def _compile(self, *arguments: str, check: bool = False) -> bool:
@@ -175,14 +175,14 @@ class Bench:
     # -- comparing -------------------------------------------------------------------------------
 
     def check(self) -> None:
-        """Hold the C that ships against what it must give."""
+        """Compare the C that ships with its expected results."""
         found = [self.block_difference(self.library, j) for j in self.blocks]
         found += [self.program_difference(self.library, p) for p in self.programs]
         if any(found):
             raise RuntimeError(f"the C that ships already differs: {max(found)}")
 
     def difference(self, library: HostLibrary, mutant: Mutant) -> str:
-        """The first difference in any bit from what the C must give; empty without one."""
+        """First difference in any bit from the expected results of the C; empty if equal."""
         block = mutant.block
         if block is None:
             same = task_signature(library) == self.wiring
@@ -192,7 +192,7 @@ class Bench:
         return self.block_difference(library, block, mutant.function)
 
     def block_difference(self, library: HostLibrary, block: Block, function: str = "") -> str:
-        """As :meth:`difference`; what only ``prepare`` and ``init`` do is left out of a step."""
+        """As :meth:`difference`; omits results of ``prepare`` and ``init`` alone from a step."""
         found = ""
         if function != "step":
             found = setup_difference(block, library, self.setups[block.name])

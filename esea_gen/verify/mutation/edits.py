@@ -199,7 +199,7 @@ def kernel_edits(
 
 
 def describe(kernel: Kernel, names: dict[int, str], edit: Edit) -> str:
-    """The place in words: what stood there and what stands there now."""
+    """The place in words: old and new text."""
 
     def atom(i: int) -> str:
         if i < 0:

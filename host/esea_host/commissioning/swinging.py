@@ -174,7 +174,7 @@ def _fitted(rows: Sequence[_Rows], tick_s: float) -> tuple[LeastSquares, LeastSq
 
 
 def judged_swings(device: Device, swings: Sequence[SwungMass], hangs_rad: float) -> JudgedSwings:
-    """Modelled torque over true torque, and whether the masses were as stated."""
+    """Modelled torque for a true torque, and whether the masses were as stated."""
     rows = [_Rows.of(device, s, hangs_rad) for s in swings]
     least = min(0.5 * float(np.ptp(r.angle)) for r in rows)
     if not least >= LEAST_RAD:

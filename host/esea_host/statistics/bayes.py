@@ -37,7 +37,7 @@ class BayesPaired(StatisticResult):
 
 
 def bayes_paired(x: ArrayLike, y: ArrayLike | None = None) -> BayesPaired:
-    """Posterior of the mean paired difference, and the evidence for none; x alone: differences.
+    """Posterior of the mean paired difference, evidence for no difference; x alone: differences.
 
     [1] J. N. Rouder et al., "Bayesian t tests for accepting and rejecting the null hypothesis",
         Psychon. Bull. Rev. 16, 2009, eq. 1.

@@ -79,7 +79,7 @@ class LatestRows:
         self._waiting, self._last_tick, self.began_again = {}, {}, False
 
     def take(self, timeout_s: float, due_ns: int) -> None:
-        """Accept received rows up to a time, if the board has reached it."""
+        """Accept received rows; continue to their common end if it is at or after a time."""
         for batch in self._queue.take(timeout_s):
             name, ticks = batch.layout.name, batch.rows[TICK]
             if int(ticks[0]) <= self._last_tick.get(name, -1) or (ticks[1:] < ticks[:-1]).any():

@@ -201,7 +201,7 @@ class BoardBar(QWidget):
         self.said.setText(self._notice if time.monotonic() < self._until_s else said)
 
     def notice(self, text: str) -> None:
-        """Show a text for some time, before any other message."""
+        """Show a text for some time, in place of the last answer."""
         self._notice, self._until_s = text, time.monotonic() + NOTICE_S
         self.said.setText(text)
 
