@@ -1,4 +1,4 @@
-"""Sessions that run beside a test and stand still where it looks, with their two windows."""
+"""Sessions in a thread that tests can pause, with their two windows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a Matplotlib figure shows, as plain values that a test can type a second time."""
+"""Content of a Matplotlib figure, as plain values for tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""C programs round the hand-written firmware: registers, interrupts and calls seen from outside.
+"""C test programs around the hand-written firmware, with visible registers and interrupts.
 
 What only a processor has is taken away from a copy: its assembly, and the addresses of registers,
 which a table stands for.

@@ -1,4 +1,4 @@
-"""The deflection that the sensor gets, a second time: what several tests compare with."""
+"""A second computation of the sensor's deflection, for several tests."""
 
 from __future__ import annotations
 

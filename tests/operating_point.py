@@ -1,4 +1,4 @@
-"""What rounding does to a Program's result at one operating point, to first order.
+"""Effect of rounding on a Program's result at one operating point, to first order.
 
 With decisions known the body is a line of operations z_i: |dy| <= sum_i |dy/dz_i| u |z_i| (Higham,
 Accuracy and Stability of Numerical Algorithms, 2002, ch. 3.3).

@@ -1,4 +1,4 @@
-"""What every result's JSON must hold: the published schemas, and how they were drawn up.
+"""Published JSON schemas of all results, and how they were generated.
 
 To draw them up again after a result has changed, run the tests that write it with the samples kept,
 then this module; look at what it wrote before it is committed.

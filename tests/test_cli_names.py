@@ -1,4 +1,4 @@
-"""Help and completion answer at once, and name what there is."""
+"""Help and completion answer at once, with every name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The site builds, says what the program says, and its worked example does what it shows."""
+"""The site builds, agrees with the program, and its worked example gives its results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the package does without its extras, and what it says where one is missing."""
+"""The package without its extras: working commands, and messages that name the extra."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of figures on the pages: none is edited by hand, a fixed sample is computed again."""
+"""Tables of figures on the pages: not edited by hand, a fixed sample recomputed."""
 
 from __future__ import annotations
 

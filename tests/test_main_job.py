@@ -1,4 +1,4 @@
-"""The main job, end to end, on the recorded rubber: what `make run` does."""
+"""The main job, end to end, on the recorded rubber: `make run`."""
 
 from __future__ import annotations
 

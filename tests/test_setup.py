@@ -1,4 +1,4 @@
-"""What the set-up installs: for `make run` what runs, for the rest what is tested with."""
+"""Packages that the set-up installs for `make run` and for the tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tutorial runs, and says what it should."""
+"""The tutorial runs, with its documented output."""
 
 from __future__ import annotations
 

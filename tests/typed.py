@@ -1,4 +1,4 @@
-"""A command as it is typed, in this process: what it prints, and how it ends.
+"""Run a typed command in this process: its output and exit code.
 
 A process of its own reads CasADi and SciPy anew, 1 s of processor time; what needs one (imports,
 Ctrl-C, workers) starts it itself.

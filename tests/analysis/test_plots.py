@@ -1,4 +1,4 @@
-"""What the figures of closed-loop experiments draw, and in which unit: read back from them."""
+"""Figures of closed-loop experiments: curves and units, read back from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The knee on a board: whole assessments through the link, what breaks them, tests, the window."""
+"""Knee assessment on a board: through the link, with faults, tests, the window."""
 
 from __future__ import annotations
 

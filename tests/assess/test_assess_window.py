@@ -1,4 +1,4 @@
-"""The clinician's window: what is done in it goes through the desk; what it shows; its pictures."""
+"""Clinician's window: actions go through the desk; its content; its pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a fault of an encoder is found by mistake.
+"""False alarms of the encoder monitors.
 
     python -m tests.benchmarks.encoder_faults --plants 200
 

@@ -1,4 +1,4 @@
-"""Figures of link, recording and live view: ``python -m tests.benchmarks.link``.
+"""Benchmark of link, recording and live view: ``python -m tests.benchmarks.link``.
 
 All on the simulated board.  What is compared is compared in the same run, on the same bytes.
 """

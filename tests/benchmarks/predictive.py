@@ -1,4 +1,4 @@
-"""What predictive control costs: bound, worst seen and typical instructions; a peer beside it.
+"""Cost of predictive control: bound, worst and typical instructions; compared with a peer.
 
     python -m tests.benchmarks.predictive [--horizons] [--json FILE]
 

@@ -1,4 +1,4 @@
-"""What the predictive controller is fed in closed loop with a standard plant."""
+"""Inputs of the predictive controller in closed loop with a standard plant."""
 
 from __future__ import annotations
 

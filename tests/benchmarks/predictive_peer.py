@@ -1,4 +1,4 @@
-"""The whole step against C that CasADi generates from the same model.
+"""The complete predictive step against C that CasADi generates from the same model.
 
 CasADi's side: the rollout over the same substeps, the stop operators in their clip form, and the
 Jacobian of all residuals by its own differentiation, as one function.  Guards, condensing and the

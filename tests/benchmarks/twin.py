@@ -1,4 +1,4 @@
-"""The virtual exoskeleton: simulated seconds per second, and how exact they are.
+"""Speed and accuracy of the virtual exoskeleton: simulated seconds per second, errors.
 
 The loop of plant and controller, both as generated C, and the plant alone in the same C, against
 the same equations as one writes them in Python: ``scipy.integrate.solve_ivp``, and a fixed step.

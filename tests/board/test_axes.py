@@ -1,4 +1,4 @@
-"""Boards of several axes, and boards without a motor: armed, released and zeroed as a whole."""
+"""Boards of several axes or without a motor: arming, release and zeroing act on all axes."""
 
 from __future__ import annotations
 

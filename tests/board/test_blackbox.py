@@ -1,4 +1,4 @@
-"""The black box: what it holds after a reset, and what becomes of memory that changed.
+"""Black box: content after a reset, and detection of changed memory.
 
 Its C stands alone here, in a library of 20 records.
 """

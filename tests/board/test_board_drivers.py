@@ -1,4 +1,4 @@
-"""STM32F405: what its drivers write to registers, and what chips behind them become above."""
+"""STM32F405: register writes of its drivers, and the resulting inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A drive's two tasks interleaved on a board, held against the closed loop bit for bit."""
+"""Interleaved tasks of a drive on a board against the closed loop, bit for bit."""
 
 from __future__ import annotations
 

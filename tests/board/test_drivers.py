@@ -1,4 +1,4 @@
-"""Drivers of the boards against models of their chips: what breaks, and how soon it is found.
+"""Drivers of the boards against models of their chips: faults and detection times.
 
 Encoder frames are compared with the chip model, currents with arithmetic written here.
 """

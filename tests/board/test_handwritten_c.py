@@ -1,4 +1,4 @@
-"""Drivers, store and black box: what strict compilers and cppcheck say, and what fuzzing finds."""
+"""Drivers, store and black box: strict compilers, cppcheck, fuzzing."""
 
 from __future__ import annotations
 

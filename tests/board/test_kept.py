@@ -1,4 +1,4 @@
-"""What outlasts the power, over the link: zeros by serial number, use counters, the black box."""
+"""Non-volatile data over the link: zeros by serial number, use counters, the black box."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_encoders_are_named_with_the_motor_off_and_once_each(board):
     with pytest.raises(LinkError, match="one serial number"):
         name_encoders(board, [11, 11])
     for wrong in ([1, 2, 3, 4, 5], [-1, 2], [2**32, 1]):
-        with pytest.raises(LinkError, match="no serial numbers"):
+        with pytest.raises(LinkError, match="not serial numbers"):
             name_encoders(board, wrong)
     zeroed(board)
     active(board, 0.2, 5)

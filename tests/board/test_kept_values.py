@@ -1,4 +1,4 @@
-"""Kept parameters under another firmware: each by itself, and what is said of those not taken."""
+"""Stored parameters under another firmware: checked one by one, refusals reported."""
 
 from __future__ import annotations
 

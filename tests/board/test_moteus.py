@@ -1,4 +1,4 @@
-"""A moteus drive behind its driver: frames against the maker's codec, and the whole sequence."""
+"""Driver of a moteus drive: frames against the maker's codec, and the complete sequence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motor amplifier and stop line behind their drivers: what breaks, and when it is found."""
+"""Drivers of motor amplifier and stop line: faults and detection times."""
 
 from __future__ import annotations
 

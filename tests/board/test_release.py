@@ -1,4 +1,4 @@
-"""What predictive control may be asked for: weights that f32 holds, a release that it keeps."""
+"""Limits of predictive control: weights in f32, release times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States of the board: the C's transition function, the table, what they do to the motor.
+"""States of the board: the C's transition function, the table, effects on the motor.
 
 The application runs as it stands, clocked from here (``firmware/boards/sim``).  What it is held
 against is written a second time below, by rules about events, not by states.

@@ -1,4 +1,4 @@
-"""What outlasts the power: sets of parameters in flash whose power is cut at any byte.
+"""Non-volatile store: sets of parameters in flash with a power cut at any byte.
 
 The flash is modelled as it is: an erased byte is 0xFF, what is programmed at once is a unit of 1,
 4, 8 or 32 bytes, written whole and once between erasures, and where the power goes one unit is left

@@ -1,4 +1,4 @@
-"""Whatever goes wrong in a command ends in one message and an exit code, never in a traceback."""
+"""Every failure of a command ends in one message and an exit code, never in a traceback."""
 
 from __future__ import annotations
 

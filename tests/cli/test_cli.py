@@ -1,4 +1,4 @@
-"""The command line as a person meets it: results, JSON, and what bad input gets."""
+"""Command line: results, JSON, messages on bad input."""
 
 from __future__ import annotations
 

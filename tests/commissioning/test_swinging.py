@@ -1,4 +1,4 @@
-"""Adaptation: what was stated wrongly is rejected by the check that names it."""
+"""Adaptation: a wrong statement fails in the check that names it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Streams by name, the clocks of board and host, and what is handed on to other programs."""
+"""Streams by name, clocks of board and host, outlets to other programs."""
 
 from __future__ import annotations
 

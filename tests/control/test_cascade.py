@@ -1,4 +1,4 @@
-"""Cascade control: what it must do whatever its equations look like, and in closed loop."""
+"""Cascade control: properties of its step, and closed loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Set-points that the motor can follow: smoothing, looking ahead, and what they are worth."""
+"""Set-points within the motor's reach: smoothing, preview, benefit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Limits before the motor: their semantics, and what they must never do."""
+"""Limits before the motor: semantics and invariants."""
 
 from __future__ import annotations
 

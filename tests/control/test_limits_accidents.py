@@ -1,4 +1,4 @@
-"""Limits before the motor: commands through the latches, and what cannot be detected is bounded."""
+"""Limits before the motor: commands through the latches, bounds for undetectable faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The linear loop inside the boundary layer: what it predicts, and what is refused for it."""
+"""Linear loop inside the boundary layer: predictions and rejected gains."""
 
 from __future__ import annotations
 

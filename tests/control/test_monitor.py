@@ -1,4 +1,4 @@
-"""What sound encoders and a sound command do not do: roughness, bits that stay, swings."""
+"""Monitors of encoders and command: roughness, stuck bits, swings."""
 
 from __future__ import annotations
 

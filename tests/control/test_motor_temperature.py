@@ -1,4 +1,4 @@
-"""The motor's temperature: the two-node model against closed forms, and what it takes away."""
+"""Motor temperature: the two-node model against closed forms, and derating."""
 
 from __future__ import annotations
 

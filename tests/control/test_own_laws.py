@@ -1,4 +1,4 @@
-"""Laws of one's own: wrong ones are told of with file, line and remedy; and where they run."""
+"""Control laws in files: errors with file, line and remedy; where they run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Block that keeps every law passive: damping, bound and its proof; what is refused."""
+"""Passivity Block: damping, bound and its proof; rejected numbers."""
 
 from __future__ import annotations
 

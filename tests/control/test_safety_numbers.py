@@ -1,4 +1,4 @@
-"""What must hold between the numbers of the limits, up to where they meet."""
+"""Relations between the numbers of the limits, up to equality."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Single steps of what safety rests on, typed a second time in NumPy, from any memory and input.
+"""Single steps of the safety Blocks against NumPy, from any state and input.
 
 Every next state, output and flag, at the edges of ranges and beyond, with any tunables; numbers of
 the drive are those of ``elbow_drive.toml``, typed by hand.  The limits: ``limits_model.py``.

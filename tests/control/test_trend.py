@@ -1,4 +1,4 @@
-"""Where the wanted torque is going: closed forms, steps, noise, and the loop."""
+"""Trend of the desired torque: closed forms, steps, noise, closed loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Device files: what is accepted, and what is said of what is not."""
+"""Device files: accepted content, and messages on the rest."""
 
 from __future__ import annotations
 

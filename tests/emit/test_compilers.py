@@ -1,4 +1,4 @@
-"""What compilers and style checkers say of the emitted C, and what a reader sees of it."""
+"""Warnings of compilers and style checkers on the emitted C; its comments."""
 
 from __future__ import annotations
 

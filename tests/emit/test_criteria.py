@@ -1,4 +1,4 @@
-"""What the checks decide by: each refuses at 1.1 times its limit, and passes at 0.9 times."""
+"""Criteria of the checks: each rejects 1.1 times its limit and passes 0.9 times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The output folder: stands alone, same bytes, whole or not at all."""
+"""Output folder: self-contained, same bytes, complete or unchanged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emitted example program: it runs the whole drive, compares something, and can fail."""
+"""Emitted example program: it runs the complete drive, compares values, and can fail."""
 
 from __future__ import annotations
 

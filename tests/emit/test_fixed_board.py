@@ -1,4 +1,4 @@
-"""q31 on emulated boards without an FPU: the host's bits, and what it costs beside f32."""
+"""q31 on emulated boards without an FPU: the host's bits, and its cost against f32."""
 
 from __future__ import annotations
 

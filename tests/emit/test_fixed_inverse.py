@@ -1,4 +1,4 @@
-"""Inverses in whole numbers: what algebra knows of the root, and what the residual promises."""
+"""Inverses in fixed point: roots by algebra, and the residual's bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search's choice, kept on disk: the same plan, and never one of other content."""
+"""Stored choice of the plan search: the same plan, never one of other content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the search for a plan holds in 64 bits: small Blocks whose need is worked out by hand."""
+"""Plan search: 64-bit values of small Blocks, derived by hand."""
 
 from __future__ import annotations
 

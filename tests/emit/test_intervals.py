@@ -1,4 +1,4 @@
-"""Intervals of computed values: they hold what is computed, and are no wider than need be."""
+"""Intervals of computed values: they contain every value, and are tight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every operation of a kernel computes, by a plain table, in all that follow kernels.
+"""Every operation of a kernel against a plain table, in all executors.
 
 The second executor against Python's own arithmetic, the count of sides taken against masks written
 out, the error at an operating point against derivatives of CasADi.

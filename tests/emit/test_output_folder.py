@@ -1,4 +1,4 @@
-"""What an output folder holds and how it is written, with small stand-ins for devices."""
+"""Content and writing of an output folder, with small stand-ins for devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the emitted C does beside its Blocks: time, threads, copies of the state, its identity.
+"""Emitted C beside its Blocks: time, threads, copies of the state, identity.
 
 The device is the elbow's drive: sensing every ms, control every 5 ms, released after 1 ms.  Counts
 were recorded in closed loop, so that a real command reaches the motor.

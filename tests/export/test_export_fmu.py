@@ -1,4 +1,4 @@
-"""FMUs: simulated by FMPy, they give the bits of the host library's C; what is wrong is told."""
+"""FMUs: simulated by FMPy, they give the bits of the host library's C; errors are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Libraries for other build systems: the same C, built by each with what is installed here."""
+"""Libraries for other build systems: the same C, built by each installed one."""
 
 from __future__ import annotations
 

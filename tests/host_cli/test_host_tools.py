@@ -105,7 +105,7 @@ def test_bids_motion_by_its_specification(demo, tmp_path):
     with esea_host.open_log(demo.recording) as log:
         path = to_bids(log, tmp_path, "07", "torque")
         last = list(log["sense_out"].pieces())[-1]
-        with pytest.raises(UserError, match="no BIDS label"):
+        with pytest.raises(UserError, match="not a BIDS label"):
             to_bids(log, tmp_path, "0_7", "torque")
         with pytest.raises(UserError, match="is there already"):
             to_bids(log, tmp_path, "07", "torque")
@@ -259,7 +259,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
         assert "esea-host replay" in said(*words, code=2)
     assert "rows" in said("export", log, str(tmp_path / "a.csv"))
     assert "no format 'xls'" in said("export", log, str(tmp_path / "a.xls"), "--to", "xls", code=2)
-    assert "no address" in said("monitor", "elbow", code=2)
+    assert "not an address" in said("monitor", "elbow", code=2)
     (tmp_path / "m.toml").write_text(MAPPING)
     words = "import", str(STEP), str(tmp_path / "b.mcap"), "--mapping", str(tmp_path / "m.toml")
     assert "1107 rows, 1 gaps" in said(*words)

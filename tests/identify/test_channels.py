@@ -1,4 +1,4 @@
-"""Lag, backlash and dead zone, left to the fit: known truths on made recordings.
+"""Fit of lag, backlash and dead zone on recordings with known values.
 
 The recordings are made on a grid twenty times as fine, by a rubber of stops and a gap of two flanks
 that are this file's own.

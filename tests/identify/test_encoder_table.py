@@ -1,4 +1,4 @@
-"""Correction table of an encoder from a recording whose truth is known."""
+"""Correction table of an encoder from a simulated recording."""
 
 from __future__ import annotations
 

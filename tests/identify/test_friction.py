@@ -1,4 +1,4 @@
-"""Friction of a drive from recordings: of real drives, and of runs whose truth is known."""
+"""Friction of a drive from recordings of real drives and from simulated runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ranges and limits of an identified device, from a recording that is known in closed form."""
+"""Ranges and limits of an identified device, from a recording in closed form."""
 
 from __future__ import annotations
 

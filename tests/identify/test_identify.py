@@ -1,4 +1,4 @@
-"""Identification of the published model: fits of known and of real data."""
+"""Identification of the published model: fits of simulated and of real data."""
 
 from __future__ import annotations
 

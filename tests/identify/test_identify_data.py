@@ -1,4 +1,4 @@
-"""Identification: which samples it may look at, how much each counts, and what it says of itself.
+"""Identification: selection and weight of samples, and the stated uncertainty.
 
 Made recordings with sharp reversals, so that every cycle's samples are known by counting.
 """

@@ -1,4 +1,4 @@
-"""The change by temperature, found again in simulated recordings: no real one had a temperature.
+"""Temperature coefficient identified from simulated recordings; no real one has a temperature.
 
 The rubber is written here a second time: springs, two stop operators at thresholds that no
 candidate has, an offset; all but the offset change by -0.4 % a kelvin of what they are at 23 degC.

@@ -1,4 +1,4 @@
-"""Recordings that a rig or a clock spoilt: refused, masked or named; what then is identified."""
+"""Corrupt recordings: rejected, masked or reported; the parameters then identified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What no rubber does: a torque that leaves and comes back, a channel that stands still."""
+"""Shapes impossible for rubber: a torque that leaves and returns, a constant channel."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def test_a_condition_that_is_asked_for_judges_if_it_can_be_left_out():
     warm = [replace(r, temperature_C=c) for r, c in zip(made, (20.0, 30.0), strict=True)]
     assert used(divided(warm, Cycles(hold_out="20 degC"))) == {"a": "judge", "b": "train"}
     for recordings, name in ((made, "bb"), (made[:1], "a")):
-        with pytest.raises(UserError, match=f"cycles.hold_out = '{name}' is no condition"):
+        with pytest.raises(UserError, match=f"cycles.hold_out = '{name}' is not a condition"):
             divided(recordings, Cycles(hold_out=name))
 
 

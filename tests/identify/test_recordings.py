@@ -1,4 +1,4 @@
-"""From a mapping file and a table to recordings, their cycles and roles; what is refused."""
+"""Mapping files and tables: recordings, cycles, roles; rejected input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard deviations and the torque's band: what they hold under four kinds of error."""
+"""Standard deviations and torque band: coverage under four kinds of error."""
 
 from __future__ import annotations
 

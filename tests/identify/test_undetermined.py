@@ -1,4 +1,4 @@
-"""What a recording does not determine: said, and no interval that takes it for known.
+"""Parameters that a recording does not determine: reported, without a false interval.
 
 All recordings are simulated; the rubbers are written here a second time.
 """

@@ -1,4 +1,4 @@
-"""Passivity by pushed hands and the sliding condition: physics that must hold, known signals."""
+"""Passivity by pushed hands and the sliding condition: physical laws, known signals."""
 
 from __future__ import annotations
 

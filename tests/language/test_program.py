@@ -1,4 +1,4 @@
-"""Programs: what they refuse, what they compute, and the same bits in Python and in C."""
+"""Programs: rejected input, results, and the same bits in Python and in C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The body of a Program: exits, bounds of loops and places, and what does not fit its ports."""
+"""Body of a Program: exits, bounds of loops and indices, mismatched ports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulator's run takes, it gives: arrays by port, a table, one array."""
+"""A simulator's run: input and output as arrays by port, a table, one array."""
 
 from __future__ import annotations
 

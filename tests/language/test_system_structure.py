@@ -1,4 +1,4 @@
-"""What does not hang together in a System is refused, with its name."""
+"""Inconsistent Systems are rejected with the faulty name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The watch of ticks and runs, by what the pages say of it."""
+"""Watch of ticks and runs, against its documentation."""
 
 from __future__ import annotations
 

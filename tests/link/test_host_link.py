@@ -1,4 +1,4 @@
-"""The connection to a board, on the simulated one: what is refused, lost, counted, found again."""
+"""Connection to a simulated board: refusal, loss, counts, reconnection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds of a family member's rises and first samples: kept, and reached."""
+"""Bounds of a family member's rises and first samples: valid and reached."""
 
 from __future__ import annotations
 

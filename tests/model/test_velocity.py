@@ -1,4 +1,4 @@
-"""What docs/velocity.md states of the velocity estimate, against the emitted C."""
+"""Statements of docs/velocity.md against the emitted C."""
 
 from __future__ import annotations
 

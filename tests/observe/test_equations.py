@@ -1,4 +1,4 @@
-"""Products are ordered alike, whatever SymPy has counted before."""
+"""Products are ordered alike, independent of SymPy's earlier work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which functions of the package each test enters: a pytest plugin that keeps it, and its reader.
+"""Functions of the package that each test enters: a pytest plugin and its reader.
 
 ``python -m pytest -p tests.planted.entered`` writes a record for every test file that it runs.
 What a fixture enters counts for each test that uses it; not seen is what another process enters,

@@ -1,4 +1,4 @@
-"""Faults in Python sources: they are what they say, and their fate is told truly."""
+"""Planted Python faults: they match their description, and results are reported correctly."""
 
 from __future__ import annotations
 

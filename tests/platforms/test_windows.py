@@ -1,4 +1,4 @@
-"""Both commands with what Windows lacks taken away, on its code page, in deep folders.
+"""Both commands without the calls that Windows lacks, on its code page, in deep folders.
 
 What this cannot show is listed on the page docs/install.md.
 """
@@ -77,7 +77,7 @@ def test_a_board_over_tcp_recorded_and_replayed():
         board.communicate()
     assert "bit for bit" in done("esea_host", "replay", "r.mcap", "--verify")
     done("esea_host", "export", "r.mcap", "r.csv")
-    for address, words in {"serial:COM3:fast": "no rate", "pty:/dev/pts/0": "Use tcp"}.items():
+    for address, words in {"serial:COM3:fast": "not a rate", "pty:/dev/pts/0": "Use tcp"}.items():
         assert words in done("esea_host", "record", address, "n.mcap", code=2)
 
 

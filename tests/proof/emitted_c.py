@@ -1,4 +1,4 @@
-"""Reads emitted C and says, as formulas, what one call of a function computes."""
+"""Translate a function of the emitted C into formulas."""
 
 from __future__ import annotations
 

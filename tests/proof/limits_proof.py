@@ -1,4 +1,4 @@
-"""What the limits' C does for any bits of its inputs, memory and coefficients, asked of z3.
+"""Properties of the limits' C for any bits of inputs, state and coefficients, proven by z3.
 
 First every sum of floats and product of two unknowns stands for any number, which allows more than
 the C does: what holds then, holds. Where that is too coarse, sums are computed.

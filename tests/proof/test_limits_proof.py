@@ -1,4 +1,4 @@
-"""What the emitted limits do, proven of their C text. Run by `make proof`."""
+"""Proofs of the emitted limits from their C text. Run by `make proof`."""
 
 from __future__ import annotations
 

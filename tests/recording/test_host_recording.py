@@ -1,4 +1,4 @@
-"""Recordings: what other programs read, what is left of a file that was cut, what is refused."""
+"""Recordings: other programs' readers, the rest of a cut file, rejected files."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_nothing_is_overwritten_and_no_other_file_is_read(tmp_path):
     with pytest.raises(UserError, match="is there already"):
         Recorder(path)
     assert path.read_bytes() == b"somebody's"
-    with pytest.raises(UserError, match="no MCAP file"):
+    with pytest.raises(UserError, match="not an MCAP file"):
         esea_host.open_log(path)
     with pytest.raises(UserError, match="cannot be opened"):
         esea_host.open_log(tmp_path / "b.mcap")

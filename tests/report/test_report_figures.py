@@ -1,4 +1,4 @@
-"""Figures of a page: what they draw and in which unit, and which panels recordings share."""
+"""Figures of a page: curves, units, and shared panels of recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One page a specimen: what stands on it, where it comes from, and what it refuses."""
+"""Specimen page: content, sources, rejected files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The browser view over a simulated board, in Chromium: what is seen, STOP, and who is refused."""
+"""Browser view of a simulated board, in Chromium: display, STOP, refused clients."""
 
 from __future__ import annotations
 

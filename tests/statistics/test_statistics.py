@@ -1,4 +1,4 @@
-"""Statistics: published examples, other libraries, enumeration, and what must be refused."""
+"""Statistics: published examples, other libraries, enumeration, rejected input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thesis' experiments on the virtual exoskeleton, and what they say of the controllers."""
+"""The thesis' experiments on the virtual exoskeleton, and their results for the controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torque check: sensors with known errors pass or fail by the criterion that is meant to see it."""
+"""Torque check: sensors with known errors fail by the criterion for that error."""
 
 from __future__ import annotations
 

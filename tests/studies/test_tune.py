@@ -1,4 +1,4 @@
-"""Tuning against the virtual exoskeleton, and what the commands refuse."""
+"""Tuning on the virtual exoskeleton, and rejected input."""
 
 from __future__ import annotations
 

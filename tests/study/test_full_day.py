@@ -1,4 +1,4 @@
-"""A whole day of each application through its real windows, as a laboratory does it.
+"""A complete day of each application through its real windows.
 
 Enrol, consent, allocate, run, crash, resume, note, adverse event, repeat, stop, resume, second
 session, audit, report, export, analyse.  Every session is simulated; nothing depends on the clock.

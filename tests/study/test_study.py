@@ -1,4 +1,4 @@
-"""The study engine: protocols, order, logs that lose nothing, and what people are owed."""
+"""Study engine: protocols, order, crash-safe logs, participants' rights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session with a board: what it tells the task gets, and a stop goes to the motor first."""
+"""Session with a board: its data reaches the task, and a stop goes to the motor first."""
 
 from __future__ import annotations
 

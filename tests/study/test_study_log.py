@@ -159,7 +159,7 @@ def test_a_log_in_another_place_is_nobodys(study):
         assert any(f"{place}, session 1, whole: " in p for p in omissions(study))
         with pytest.raises(UserError, match=words):
             study.rows(place)
-    with pytest.raises(UserError, match="no participant code"):
+    with pytest.raises(UserError, match="not a participant code"):
         study.enrol("P03\n", True)
 
 

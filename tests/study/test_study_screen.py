@@ -1,4 +1,4 @@
-"""What the participant sees: scenes, frames and their times, the patch, and somebody who points."""
+"""Participant's screen: scenes, frames and their times, the patch, and a pointer."""
 
 from __future__ import annotations
 

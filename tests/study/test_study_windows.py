@@ -1,4 +1,4 @@
-"""A session in its windows: the same log as without, and what an operator can do meanwhile."""
+"""Session in its windows: the same log as without, and the operator's actions."""
 
 from __future__ import annotations
 
@@ -500,7 +500,7 @@ def test_a_session_in_windows_from_the_command_line(tmp_path, qtbot, monkeypatch
     [
         (["--device", "pointer", "--headless"], "nobody can point"),
         (["--device", "virtual", "--headless"], "no virtual device for steady_hold"),
-        (["--device", "sin:elbow", "--headless"], "is no address"),
+        (["--device", "sin:elbow", "--headless"], "is not an address"),
         (["--language", "xx", "--headless"], "de, en"),
     ],
 )

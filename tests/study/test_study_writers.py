@@ -357,7 +357,7 @@ def test_who_does_it_is_asked_for_in_a_real_study(tmp_path, real, protocol):
         real.enrol("P02", True)
     with pytest.raises(UserError, match="future"):
         real.enrol("P02", True, form="v2", date="2999-01-01")
-    with pytest.raises(UserError, match="no date"):
+    with pytest.raises(UserError, match="not a date"):
         real.enrol("P02", True, form="v2", date="26.11.2026")
     with pytest.raises(UserError, match="operator's name"):
         StudyFolder.open(real.path, by="A\nB")

@@ -1,4 +1,4 @@
-"""Received folders run no code: what is trusted, and that nothing else is run."""
+"""Received folders run no code until it is trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When the world is off: each family changes what it says, and nothing else."""
+"""Model mismatch: each family changes its property and no other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who reads what, in which order and how late: both shipped drives against a table typed by hand.
+"""Wiring of both shipped drives, in order and delay, against a table typed by hand.
 
 The table is what chapter 5, docs/control.md and docs/predictive.md ask for.  Where two signals
 would both fit a port, the reason for the one that is meant stands beside it.

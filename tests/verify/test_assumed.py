@@ -1,4 +1,4 @@
-"""What error bounds assume, and whether they hold: joints at their ends, clips, a search."""
+"""Assumptions of error bounds: joints at their ends, clips, a search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Branch coverage of the kernels, and the float32 executor that it stands on."""
+"""Branch coverage of the kernels, and its float32 executor."""
 
 from __future__ import annotations
 

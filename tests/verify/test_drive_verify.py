@@ -1,4 +1,4 @@
-"""Verification of the Blocks of torque control: what it sees of a fault in their C."""
+"""Verification of the torque-control Blocks detects faults in their C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Encoders that fail in closed loop with the shipped controllers: found, and how soon."""
+"""Encoder faults in closed loop with the shipped controllers: detection and its time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fault campaign: what is broken, what is promised of it, and that a broken promise is seen."""
+"""Fault campaign: faults, their bounds, and detection of a violated bound."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Committed traces: behaviour is kept, and a change of it reads well."""
+"""Committed traces: unchanged behaviour, and readable differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said to be impossible, against all that random numbers do."""
+"""Sides reported as unreachable, against random inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a verification says: its verdict over all comparisons, in one line."""
+"""Verdict of a verification over all comparisons, in one line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bar on top of every window: STOP in view at any size, its keys, and what would be refused."""
+"""Bar of every window: STOP visible at any size, its keys, refused steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the live view keeps and finds in signals, without a window: history, trigger, spectrum."""
+"""Signals of the live view, without a window: history, trigger, spectrum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures on pages: what a reader sees after zooming is the same data on the same axes."""
+"""Zoomed figures on pages: the same data on the same axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Virtual normalisation: its map by numerical integration, its properties, what it refuses."""
+"""Virtual normalisation: its map by numerical integration, properties, rejected input."""
 
 from __future__ import annotations
 

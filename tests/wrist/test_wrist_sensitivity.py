@@ -1,4 +1,4 @@
-"""Sensitivity of the wrist study: what is shifted, what counts as another conclusion, the page."""
+"""Sensitivity of the wrist study: shifts, changed conclusions, the page."""
 
 from __future__ import annotations
 

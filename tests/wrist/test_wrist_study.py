@@ -445,7 +445,7 @@ def test_every_wrist_task_is_simulated_by_itself():
     ("words", "said"),
     [
         (["study", "virtual", "wrist", "--method", "magic"], "no method"),
-        (["analyse", "wrist", "nowhere"], "no study"),
+        (["analyse", "wrist", "nowhere"], "not a study"),
     ],
 )
 def test_bad_input_is_told(words, said):

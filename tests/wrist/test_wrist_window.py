@@ -110,7 +110,7 @@ def run(*words):
     [
         ("sim:elbow_drive --headless --screenshot {}/a.png", "flexion"),
         ("sim:wrist_drive --headless", "--screenshot"),
-        ("wrist_drive --headless --screenshot {}/a.png", "no address"),
+        ("wrist_drive --headless --screenshot {}/a.png", "not an address"),
         ("sim:wrist_drive --headless --screenshot {}/a.png --calibration {}", "{}"),
     ],
 )

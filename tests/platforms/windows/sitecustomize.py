@@ -1,4 +1,4 @@
-"""Python starts with this file: the project's code sees what Windows would give it.
+"""Start-up file that gives the project's code a simulated Windows.
 
 POSIX modules are missing for everybody.  For callers from the project the system is Windows, calls
 that it lacks are missing, text without an encoding is an error, and the ends of lines are its own.
