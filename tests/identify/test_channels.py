@@ -302,7 +302,7 @@ def test_a_dead_zone_is_found_and_stands_in_the_device_file(tmp_path):
 
 def test_what_only_the_fit_finds_is_refused_elsewhere(tmp_path):
     path = written(tmp_path, two_sizes(1), LAG)
-    with pytest.raises(UserError, match=r"torque\.lag_s = 'fit' is found by esea-gen identify"):
+    with pytest.raises(UserError, match=r"torque\.lag_s = 'fit' works with esea-gen identify"):
         load_recordings(load_mapping(path))
     with pytest.raises(UserError, match=r"the model 'stops' has no dead zone"):
         identify_member(mapped(tmp_path, DEAD), "stops")

@@ -498,7 +498,7 @@ def test_a_session_in_windows_from_the_command_line(tmp_path, qtbot, monkeypatch
 @pytest.mark.parametrize(
     ("words", "said_there"),
     [
-        (["--device", "pointer", "--headless"], "nobody can point"),
+        (["--device", "pointer", "--headless"], "needs a window"),
         (["--device", "virtual", "--headless"], "no virtual device for steady_hold"),
         (["--device", "sin:elbow", "--headless"], "is not an address"),
         (["--language", "xx", "--headless"], "de, en"),
