@@ -1,4 +1,4 @@
-"""Sixty devices as other people may write them, taken through the commands.
+"""Sixty devices as other people may write them, run through the commands.
 
 Drawn with a fixed seed: rates, limits, ratios, encoders, stiffness, and control rates asked for
 that do not divide.  What the device file allows must build, be verified, run on the emulated board

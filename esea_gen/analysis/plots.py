@@ -57,7 +57,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: curves as x, y, label and looks; labels, and what else ``Axes.set`` takes."""
+    """A panel: curves as x, y, label and style; labels, and further settings of ``Axes.set``."""
 
     curves: Sequence[tuple[Any, Any, str, Mapping[str, Any]]]
     x: str

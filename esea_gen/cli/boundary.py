@@ -28,9 +28,7 @@ from esea_gen.portability import ENDING_SIGNALS, output_closed
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
 MOST_TRACEBACKS = 20
 
-ROOM = (
-    "Make room, or name other folders: TMPDIR for scratch files, XDG_CACHE_HOME for what is kept."
-)
+ROOM = "Make room, or name other folders: TMPDIR for scratch files, XDG_CACHE_HOME for stored ones."
 RIGHTS = "Give another place, or get the rights to this one."
 AWAY = "Check address, cable and power."
 GONE = "Check that the device is plugged in and sound."

@@ -10,6 +10,7 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
+from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import chosen_formats, option, recorded_streams
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.errors import UserError, choose
@@ -224,7 +225,7 @@ def mutate(
     exit_unless(all(r.score >= REQUIRED_SCORE for r in reports.values()))
 
 
-traces = typer.Typer(help="Golden traces of every shipped System.")
+traces = typer.Typer(cls=WholeSentences, help="Golden traces of every shipped System.")
 
 
 app.add_typer(traces, name="traces", no_args_is_help=True)

@@ -92,7 +92,7 @@ def _reproduce(written: Written) -> Callable[..., None]:
     ) -> None:
         if data is None:
             raise UserError(
-                f"esea-gen reproduce {written.name} works on recordings, and none are given.",
+                f"esea-gen reproduce {written.name} needs recordings.",
                 "Add --data DIR, the folder that they lie in.",
             )
         run(json_file, figure, data)
@@ -276,7 +276,7 @@ def passivity(
         float,
         option(
             "--wall NM_RAD",
-            "Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: none.",
+            "Stiffness of a wall 0.02 rad ahead of the hand: contact and release. 0: no wall.",
             min=0,
             max=MOST_WALL_NM_RAD,
         ),

@@ -10,13 +10,14 @@ import typer
 
 import esea_gen
 from esea_gen.cli.app import app, out
+from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.names import PEOPLE, PLANTS, complete_block, completing
 from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, writable
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
 
-export = typer.Typer(help="Export the generated C to other tools.")
+export = typer.Typer(cls=WholeSentences, help="Export the generated C to other tools.")
 
 
 app.add_typer(export, name="export", no_args_is_help=True)

@@ -67,7 +67,7 @@ class Velocity(Section):
 
 
 class EncoderSide(Section):
-    """One encoder: how it is mounted, where its zero is, and what is known of its errors."""
+    """One encoder: its mounting, its zero, and its identified errors."""
 
     direction: Quantity | None = optional(
         -1,
@@ -138,7 +138,7 @@ class Inverse(Section):
     )
     filter: Literal["none", "a", "a_normalised", "b", "b_normalised", "b_rounding"] = Field(
         default="none",
-        description="Filter of the published inverse's disturbance observer; none leaves it out.",
+        description="Filter of the published inverse's disturbance observer; 'none' omits it.",
     )
     kappa_rad: Quantity | None = optional(0, 5, "Weight kappa of the play operators, eq. 4.9.")
     phi_1_rad: Quantity | None = optional(0, 5, "Decay phi of the play operators' weight, eq. 4.9.")
@@ -315,7 +315,7 @@ class Redundancy(Section):
 
 
 class Monitor(Section):
-    """What a sound encoder and a sound loop do not do; the limits latch where one does it."""
+    """Monitor of encoders and loop; the limits latch on behaviour that a sound one never shows."""
 
     noise_rad: Quantity = number(0, 0.1, "Noise of a sound joint encoder, effective value.")
     window_s: Quantity = number(1e-2, 10, "Time over which an angle's roughness is averaged.")
@@ -342,7 +342,7 @@ class MotorThermal(Section):
 
 
 class PassiveInteraction(Section):
-    """What keeps every law from giving a hand energy that is not wanted."""
+    """Passivity of every law: limits the energy given to a hand beyond the desired interaction."""
 
     damping_Nms_rad: Quantity = number(1e-3, 5, "Largest damping added; Kd counts as a part of it.")
     fade_Hz: Quantity | None = optional(
@@ -465,7 +465,7 @@ class DeviceFile(Section):
     )
     monitor: Monitor | None = table(
         "Roughness and stuck bits of the joint encoders, and a motor that swings between its "
-        "limits; without it, none of these is detected."
+        "limits; without it, these faults are not detected."
     )
     motor_thermal: MotorThermal | None = table(
         "Winding and case of the motor, which limit its torque; without it, heating is not limited."

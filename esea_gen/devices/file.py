@@ -297,7 +297,7 @@ def _fix(problem: Problem) -> str | UserError:
         if not same:
             return ""
         return UserError(
-            f"{key} has the unit suffix of '{unit_of(name)}'; this value is kept in "
+            f"{key} has the unit suffix of '{unit_of(name)}'; this value is in "
             f"'{unit_of(same[0])}'.",
             f"Convert the number and name the key {same[0]}.",
         )

@@ -50,7 +50,7 @@ class Elastomer(Section):
 
 
 class FamilyTerm(Section):
-    """One term: a weight, what drives it, what it remembers, how it softens."""
+    """One term: its weight, its drive, its memory, its softening."""
 
     kind: Literal["spring", "maxwell", "stop", "slip", "offset"] = Field(
         description="spring: the rise itself; maxwell: it relaxes in time; stop: up to a "
@@ -86,7 +86,7 @@ class FamilyTerm(Section):
 
 
 class FamilyTemperature(Section):
-    """What the rubber's temperature changes: all weights but the offset's, by one factor."""
+    """Effect of the rubber's temperature: one factor on all weights but the offset's."""
 
     reference_C: Quantity = number(COLDEST_C, HOTTEST_C, "Temperature for which the weights hold.")
     per_K: Quantity = number(

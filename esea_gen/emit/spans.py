@@ -115,7 +115,7 @@ def _keep(known: dict[Hashable, T], key: Hashable, found: T) -> T:
 
 
 class Rounding(ABC):
-    """What a number format adds to the errors of one kernel's operations."""
+    """Rounding errors that a number format adds to one kernel's operations."""
 
     keeps_whole = False  # whether sums and products of whole numbers are exact
 

@@ -368,7 +368,7 @@ class Tunable:
 
 @dataclass(frozen=True)
 class Constant:
-    """A number folded into the code, kept here for headers and reports.
+    """A number folded into the code, stored for headers and reports.
 
     Parameters
     ----------

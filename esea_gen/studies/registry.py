@@ -26,7 +26,7 @@ ROOMS = "esea_gen.studies", "esea_gen.reproduce"
 
 
 class Study:
-    """What the command line knows of any study: its name, one line, and its docstring as help."""
+    """A study as the command line shows it: name, one line, docstring as help."""
 
     name: ClassVar[str] = ""  # a class without one is not a study, but what studies are made of
     title: ClassVar[str] = ""

@@ -123,7 +123,7 @@ ROWS = 12
 
 
 class OutputImpedanceStudy(ClosedLoopStudy):
-    """The load is moved by a firm hand, 0.1 to 5 Hz, while 0 Nm are wanted."""
+    """Move the load by a firm hand, 0.1 to 5 Hz, at a desired torque of 0 Nm."""
 
     name = "output-impedance"
     title = "Output impedance at 0 Nm, moved"

@@ -22,7 +22,7 @@ Kind = Literal["csv", "mat", "hdf5", "parquet", "json"]
 
 
 class TableFormat(BaseModel):
-    """How a file is written; what is left out is detected."""
+    """Format of a file; omitted settings are detected."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 

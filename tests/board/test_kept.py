@@ -309,7 +309,7 @@ def run(board, drive, monkeypatch):
 
 
 def test_the_commands_show_and_name_and_read(run, board, tmp_path):
-    assert "nobody said which it is" in run("kept", "sim:elbow_drive").output
+    assert "not named" in run("kept", "sim:elbow_drive").output
     named = run("kept", "sim:elbow_drive", "--encoder", "11", "--encoder", "12")
     assert "encoder_motor: serial 11, no zero" in named.output
     board.ticks(20)

@@ -182,4 +182,4 @@ def test_the_command_shows_names_values_and_limits(boards, monkeypatch):
     assert f"limits.tau_max_Nm: {tau}" in said
     assert "smc.margin: nan was saved, outside" in said
     assert "not taken; in force 1" in said
-    assert "0x7: 0.125 was saved, and this firmware has no such parameter" in said
+    assert "0x7: 0.125 was saved, but this firmware has no such parameter" in said

@@ -67,7 +67,7 @@ def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, m
             parameters("x", assign=["Kp_Nm_rad=1", words])
     assert device.parameters() == before
     parameters("x", assign=["reference.Kd_Nms_rad=.35"], keep=True, save=tmp_path / "p.json")
-    assert "(simulated: kept until it ends)" in capsys.readouterr().out
+    assert "(simulated: stored until it ends)" in capsys.readouterr().out
     assert json.loads((tmp_path / "p.json").read_text())["simulated"]
 
 

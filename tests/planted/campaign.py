@@ -1,4 +1,4 @@
-"""Mutation of this program's own sources, to see whether its tests notice.
+"""Mutation tests of this program's own sources.
 
 A copy of the checkout gets one fault at a time, and child processes run tests against it until one
 fails: those that are known to enter the faulty function (:mod:`tests.planted.entered`), the nearest

@@ -73,7 +73,7 @@ def kept(
         changed = [_changed(board.session, v) for v in values]
     for name, (serial, zero_rad) in zip(names, told.encoders, strict=True):
         zero = "no zero" if zero_rad is None else f"zero {zero_rad:.5f} rad"
-        out.print(f"{name}: {f'serial {serial}, {zero}' if serial else 'nobody said which it is'}")
+        out.print(f"{name}: {f'serial {serial}, {zero}' if serial else 'not named'}")
     if names:
         out.print(f"zero in force: {told.zero}")
     out.print(", ".join(f"{n.replace('_', ' ')} {v}" for n, v in told.counters.items()))
@@ -84,7 +84,7 @@ def kept(
 def _changed(session: Session, kept: KeptValue) -> str:
     # What was saved, what is allowed, what is in force.
     if kept.found == "unknown":
-        return f"{kept.name}: {kept.value:g} was saved, and this firmware has no such parameter"
+        return f"{kept.name}: {kept.value:g} was saved, but this firmware has no such parameter"
     p = find_parameter(session.known_parameters(), kept.name)
     unit = "" if p.unit == "1" else f" {p.unit}"
     why = {
@@ -175,7 +175,7 @@ def life(
 
 def _show(device: Device, one: CouplingLife) -> None:
     where = "lies aside" if one.axis is None else f"axis {device.axes[one.axis] or one.axis}"
-    name = f"coupling {one.serial}" if one.serial else "coupling, nobody said which it is"
+    name = f"coupling {one.serial}" if one.serial else "coupling without a name"
     out.print(f"{name}, {where}:")
     out.print(
         f"  {one.seconds / 3600:.2f} h counted, {sum(one.halves) / 2:g} cycles of "

@@ -192,7 +192,7 @@ def _in_terminal(
             result = run_step(bench, step, options)
         except (CommissioningEndedError, KeyboardInterrupt):
             bench.device.stop(again=True)
-            out.print(f"{step.title}: ended; the board is told to stop")
+            out.print(f"{step.title}: ended; stopping the board")
             return False
         say(result.lines(bench.device.simulated))
         record.add(result, bench.device)

@@ -181,7 +181,7 @@ def record(
             out.print(counted)
         if recording.error is not None or board.receiver.away:
             why = recording.error or "the link was broken."
-            told(paragraphs(f"esea-host: the recording ended early and is kept: {why}"))
+            told(paragraphs(f"esea-host: the recording ended early; its file stays: {why}"))
             told(f"What it has: esea-host show {path}")
             raise typer.Exit(1)
 
@@ -269,7 +269,7 @@ def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption =
             raise typer.Exit(1)
         out.print(f"{_said(board)}: {state}")
         if state != "READY":
-            told("The board did not stand still. Hold both sides of each coupling, and zero again.")
+            told("The joint moved. Hold both sides of each coupling still, and zero again.")
             raise typer.Exit(1)
 
 
@@ -315,7 +315,7 @@ def parameters(
             out.print(f"{save}: {len(values)} parameters")
         if keep:
             board.session.save_parameters()
-            how = "(simulated: kept until it ends)" if board.simulated else "without power"
+            how = "(simulated: stored until it ends)" if board.simulated else "without power"
             out.print(f"The board keeps these values {how}.")
         if not (assign or load) and save is None and not keep:
             for name, p in known.items():
@@ -406,7 +406,7 @@ def sim_moteus(
         str, typer.Argument(help="With one motor, such as elbow_drive.")
     ] = BEST_DRIVE,
     person: Annotated[
-        str, option("--person", "Who is in the joint; nobody, or none: its output is clamped.")
+        str, option("--person", "Person in the joint; nobody, or none: output fixed.")
     ] = "nobody",
     plant: Annotated[str, option("--plant", "ideal, real or random.")] = "real",
     seed: Annotated[int, typer.Option("--seed", min=0)] = 0,

@@ -49,7 +49,7 @@ OperatorOption = Annotated[
         envvar="ESEA_OPERATOR",
     ),
 ]
-ReasonOption = Annotated[str, option("--reason", "Why; kept on record.")]
+ReasonOption = Annotated[str, option("--reason", "Reason; stays on record.")]
 
 
 @study_app.command("check")

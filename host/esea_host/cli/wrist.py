@@ -72,7 +72,7 @@ def compare_wrist(asked: VirtualRun) -> None:
     _print_table(title, heads, rows)
     out.print(
         "RMS: speed error over the peak, tracking the own healthy motion.  Peak: constrained over "
-        "healthy.  Targets, after-effect: healthy less constrained; 0 is what is wanted."
+        "healthy.  Targets, after-effect: healthy less constrained; 0 is desired."
     )
     say(f"{x.method}: ended early: {reason}" for x in found for reason in x.refused)
     write_json(asked.to_json, "host-wrist-methods", {"simulated": True, "methods": found})
@@ -107,7 +107,7 @@ def virtual(
     cluster: ClusterOption = None,
     trust: TrustOption = None,
     method: Annotated[
-        str, option("--method", "Wrist: normalisation none, linear, published or rbf.")
+        str, option("--method", "Wrist: normalisation: none, linear, published or rbf.")
     ] = "rbf",
     compare: Annotated[bool, option("--compare", "Wrist: the study under every method.")] = False,
     sensitivity: Annotated[
@@ -256,7 +256,7 @@ def analyse_reaches(
         values = (x["reach_s"], x["sse"], beyond, x["sparc"], x["submovements"])
         rows.append((name, str(x["reaches"]), str(x["achieved"]), *map(number, values)))
     heads = ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts")
-    _print_table("Reaching to targets that stand; medians", heads, rows)
+    _print_table("Reaching to fixed targets; medians", heads, rows)
     out.print(
         "held: 0.75 s within the target, within 10 s; until: to the beginning of that; SSE: "
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "

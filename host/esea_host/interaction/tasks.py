@@ -111,7 +111,7 @@ class TrackingParameters(WithElement):
 
 @dataclass(frozen=True)
 class TrackingState:
-    """The clock of the target stands still in a pause."""
+    """State of tracking; the target's clock stops in a pause."""
 
     parameters: TrackingParameters
     last_s: float = 0.0

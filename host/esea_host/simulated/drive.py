@@ -256,7 +256,7 @@ BEAT_TICKS = 250
 
 
 class LockstepTransport(Transport):
-    """The line to a :class:`SimulatedBoard`; waiting for it is what moves its clock."""
+    """The line to a :class:`SimulatedBoard`; waiting for it advances the board's clock."""
 
     def __init__(self, drive: SimulatedBoard) -> None:
         self.drive = drive

@@ -17,7 +17,7 @@ TAIL = 0.025  # beyond either end of an interval: 95 %
 
 
 class NoStatisticError(ValueError):
-    """The numbers do not answer the question: what is wrong, and what to do about it."""
+    """The numbers do not answer the question: the error states the reason and the remedy."""
 
     def __init__(self, what: str, fix: str) -> None:
         super().__init__(f"{what} {fix}")
