@@ -7,7 +7,6 @@ import dataclasses
 import json
 import math
 import re
-import runpy
 import socket
 import subprocess
 import sys
@@ -480,11 +479,11 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
         esea_host.connect("sim:elbow_drive?person=tall")
 
 
-def test_the_example_runs(server, tmp_path):
-    example = runpy.run_path(str(ROOT / "examples" / "host_trial.py"))
-    path = tmp_path / "a.mcap"
-    largest_Nm = example["trial"](f"tcp:127.0.0.1:{server}", str(path))
-    log = esea_host.open_log(path)
+def test_the_program_on_the_page_runs(server, tmp_path, monkeypatch, capsys):
+    page = (ROOT / "docs" / "host.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    exec(re.findall(r"```python\n(.*?)```", page, re.S)[-1].replace("5760", str(server)), {})
+    log = esea_host.open_log("trial.mcap")
     assert log.events("parameters")[0]["smc.lambda_1_s"] == 12
-    assert largest_Nm <= np.abs(log["sense_out"]["tau_Nm"]).max() + 0.5
+    assert len(capsys.readouterr().out.splitlines()) == 1000
     assert len(log["sense_out"]) > 900
