@@ -1,22 +1,22 @@
 /* The application: what the board does between its hardware and the generated control code.
  *
- *   machine.c   where an event leads from a state
- *   schedule.c  the own clock: base tick, tasks, motor, deadlines
+ *   machine.c   state after an event
+ *   schedule.c  the board's clock: base tick, tasks, motor, deadlines
  *   link.c      frames in, and the main loop
  *   start.c     power on
  *   app.c       self-test, events, faults
  *   send.c      frames out
- *   key.c       all that the next ticks come from, for a log
- *   life.c      what the couplings have borne
- *   reader.c    frames out of bytes
- *   streams.c, parameters.c, signing.c   what goes over the link beside commands, and who may command
+ *   key.c       complete state for the next ticks, for a log
+ *   life.c      use of the couplings
+ *   reader.c    frames from bytes
+ *   streams.c, parameters.c, signing.c   streams, parameters, signatures of commands
  *
  * There is no control mathematics here; that is in the generated files.  The caller owns all memory,
  * and any number of instances may run side by side.
  *
  * Who calls what: esea_app_tick from the tick's interrupt, esea_app_background from the lowest one,
  * esea_app_poll from the main loop.  A higher one may come between any two instructions of a lower.
- * The state and what is wanted change in the tick, or with interrupts held off.
+ * The state and the command change in the tick, or with interrupts disabled.
  *
  * License: MIT. */
 #ifndef ESEA_APP_H

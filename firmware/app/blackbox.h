@@ -1,9 +1,9 @@
-/* The black box: what the board was given, wanted and did at each tick of the last two seconds, in
- * memory that a reset leaves as it is.  It is frozen at a fault, and where the board was reset while the
- * motor was on; it stays so until it is released by the host, or the motor is armed again.
+/* Black box: inputs, commands and outputs of the board at each tick of the last two seconds, in memory
+ * that a reset does not change.  It is frozen at a fault, or if the board was reset while the motor was on,
+ * until the host releases it or the motor is armed again.
  *
- * Every record carries its own check: a reset in the middle of one costs that one.  A power cut may leave
- * anything; what is left is then not taken for a record.
+ * Every record has its own check: a reset in the middle of one loses that one.  After a power cut the
+ * memory may have any content, which is then rejected.
  *
  * License: MIT. */
 #ifndef ESEA_BLACKBOX_H

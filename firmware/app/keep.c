@@ -1,6 +1,6 @@
-/* What outlasts the power, between the store and those who use it: parameters by their keys, zeros by the serial
- * numbers of the encoders, counters, what each coupling has borne, and who may command.  A board without a store
- * keeps nothing.
+/* Non-volatile data, between the store and its users: parameters by their keys, zeros by the serial numbers of
+ * the encoders, counters, the use of each coupling, and the key for commands.  A board without a store keeps
+ * nothing.
  *
  * License: MIT. */
 #include "app.h"

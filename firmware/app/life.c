@@ -1,4 +1,4 @@
-/* What the couplings bear: cycles of their deflection, the energy that they take, and the time.
+/* Use of the couplings: cycles of their deflection, absorbed energy, and time.
  *
  * License: MIT. */
 #include "app.h"

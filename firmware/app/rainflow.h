@@ -1,4 +1,4 @@
-/* Rainflow counting into what the store keeps of a coupling; see rainflow.c.
+/* Rainflow counting into the stored use of a coupling; see rainflow.c.
  *
  * License: MIT. */
 #ifndef ESEA_RAINFLOW_H

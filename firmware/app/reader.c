@@ -1,4 +1,4 @@
-/* Frames out of bytes, whatever else is among them.
+/* Reads frames from bytes; skips other bytes.
  *
  * License: MIT. */
 #include "app.h"

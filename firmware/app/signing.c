@@ -1,9 +1,9 @@
-/* Who may command: once the board has been given a key, whoever signs with it.  The signatures are
- * MAVLink's own; a stop needs none.
+/* Signatures of commands: a board with a key accepts only commands signed with it.  The signatures are
+ * MAVLink's own; a stop needs no signature.
  *
  * Timestamps are the board's count, not a time: each frame's must be above that of the frame before.  Every start
- * of a paired board begins beyond all that was taken before, so that recorded frames are void.  What a start may
- * use is set aside in the store before the first frame is taken.
+ * of a paired board begins above all accepted ones, so that recorded frames are void.  The range of a start is
+ * reserved in the store before the first frame is accepted.
  *
  * License: MIT. */
 #include "app.h"

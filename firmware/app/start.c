@@ -1,4 +1,4 @@
-/* Power on: what outlasts the power, who may command, the self-test.
+/* Power on: non-volatile data, the key for commands, the self-test.
  *
  * License: MIT. */
 #include "app.h"

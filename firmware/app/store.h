@@ -1,13 +1,13 @@
-/* What must outlast the power: parameters, each encoder's zero, use counters, each coupling's life.  One set, in
- * two areas of flash, one of which always holds the newest whole set: sets are added to an area until it is
+/* Non-volatile data: parameters, each encoder's zero, use counters, each coupling's life.  One set, in two areas
+ * of flash, one of which always has the newest complete set: sets are added to an area until it is
  * full, then the other is erased and taken.  A set carries a number and a checksum, and its last word is
  * written last, so that a power cut at any byte of a write or an erasure leaves the old set or the new one.
  *
- * A set of another layout, older or newer, or of another device is refused and told: the board then stands
- * at its defaults, without zeros.  Parameters are kept by the hash of their name: one that is new has its
- * default, one that is gone is passed over, so that those alone do not change the layout.
+ * A set of another layout, older or newer, or of another device is refused and reported: the board then has
+ * its defaults, without zeros.  Parameters are stored by the hash of their name: a new one has its default, a
+ * removed one is ignored, so that neither changes the layout.
  *
- * Erasing may hold the processor for a second: save while the motor is off.
+ * Erasing may block the processor for a second: save while the motor is off.
  *
  * License: MIT. */
 #ifndef ESEA_STORE_H

@@ -1,5 +1,5 @@
-/* What goes over the link beside commands: streams, parameters, who may command.  Part of app.h, which
- * comes with the device's binding before it.
+/* Link traffic beside commands: streams, parameters, signatures.  Part of app.h, which the device's binding
+ * precedes.
  *
  * License: MIT. */
 #ifndef ESEA_WIRE_H

@@ -2,8 +2,8 @@
  * frames: the first asks for the angle and brings what the tick before asked last; the second brings the
  * angle and asks for diagnostics and magnitude in turn, or clears an error.
  *
- * Found: a bus that is stuck, a frame of wrong parity, an error flag in the tick; what the chip
- * knows of its magnet within 3 ticks of its telling.  A frame of an even number of wrong bits passes.
+ * Detected: a stuck bus, a frame of wrong parity or an error flag, in the tick; the chip's report on its
+ * magnet, within 3 ticks.  A frame with an even number of wrong bits is not detected.
  *
  * License: MIT. */
 #ifndef ESEA_AS5048A_H

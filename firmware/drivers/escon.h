@@ -1,5 +1,5 @@
-/* Motor: set-point of current to an ESCON 50/5 by the duty of a PWM, 10 to 90 %, 50 % for none; its
- * enable line; and its actual current, read back as a voltage and held against what was set.
+/* Motor: set-point of current to an ESCON 50/5 by the duty of a PWM, 10 to 90 %, 50 % for 0 A; its
+ * enable line; and its actual current, read back as a voltage and compared with the set-point.
  *
  * License: MIT. */
 #ifndef ESEA_ESCON_H

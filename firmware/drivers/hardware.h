@@ -1,5 +1,5 @@
-/* What the drivers need of a processor: one struct of functions, so that they run against models of
- * the chips on any computer.  Lines, channels and pins are numbers that only the board knows.
+/* Processor functions for the drivers: one struct of functions, so that they run against models of
+ * the chips on any computer.  Lines, channels and pins are numbers defined by the board.
  *
  * License: MIT. */
 #ifndef ESEA_HARDWARE_H

@@ -1,4 +1,4 @@
-/* What all boards with a Cortex-M share; see cortex_m.h.
+/* Shared code of all boards with a Cortex-M; see cortex_m.h.
  *
  * License: MIT. */
 #include "cortex_m.h"

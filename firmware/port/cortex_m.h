@@ -1,9 +1,9 @@
-/* What all boards with a Cortex-M share: start-up, fault handlers, receive buffer, stack measurement,
+/* Shared code of all boards with a Cortex-M: start-up, fault handlers, receive buffer, stack measurement,
  * base tick, main loop.  A board supplies the functions below and the vector table, in which its
  * receive interrupt calls esea_cortex_m_received.
  *
  * Priorities, the highest first: faults; receiving, some dozen instructions a byte, which no step may
- * hold up, for the hardware keeps one byte only; the base tick (SysTick); the slower tasks (PendSV); the
+ * delay, because the hardware buffers one byte only; the base tick (SysTick); the slower tasks (PendSV); the
  * main loop.
  *
  * License: MIT. */

@@ -1,5 +1,5 @@
-/* Drivers of a board with Linux: none, for what is wired to it is read by a program of its own (on a myRIO by
- * its FPGA).  So every measurement is NaN, which the control code refuses, and the motor cannot be switched
+/* Empty drivers of a board with Linux, whose hardware is read by a separate program (on a myRIO by its FPGA).
+ * So every measurement is NaN, which the control code refuses, and the motor cannot be switched
  * on.  A file of this name in its place fills in `sample`, `motor`, `stop_open` and `trouble`.
  *
  * License: MIT. */

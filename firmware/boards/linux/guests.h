@@ -1,5 +1,5 @@
-/* Those who come over TCP while a host is there: they are told who commands, a stop of theirs is taken, and after a
- * second they are let go.
+/* Further TCP clients beside the host: they receive the host's address, may send a stop, and are disconnected after
+ * a second.
  *
  * License: MIT. */
 #ifndef ESEA_GUESTS_H

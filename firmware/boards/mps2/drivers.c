@@ -1,4 +1,4 @@
-/* Drivers of the MPS2: none.  So every measurement is NaN, which the control code refuses, and the motor's
+/* Empty drivers of the MPS2.  So every measurement is NaN, which the control code refuses, and the motor's
  * command goes nowhere.
  *
  * License: MIT. */

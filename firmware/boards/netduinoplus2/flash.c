@@ -1,6 +1,6 @@
-/* The last two sectors of the STM32F405's flash, for what outlasts the power.  Held against a model of the
- * registers, not tried on a real board.  The processor stands still while a sector is erased, a second or
- * two: the motor must be off, and the watchdog is given patience.
+/* The last two sectors of the STM32F405's flash, for non-volatile data.  Verified against a model of the
+ * registers, not tried on a real board.  The processor stops while a sector is erased, a second or two: the
+ * motor must be off, and the watchdog's period is extended.
  *
  * License: MIT. */
 #include "cortex_m.h"

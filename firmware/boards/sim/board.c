@@ -1,5 +1,5 @@
-/* A board inside another program: a library whose clock, drivers and serial line the program moves, in
- * lockstep with whatever it likes.  Nothing comes by itself, so that a run repeats to the last bit.
+/* A board inside another program: a library whose clock, drivers and serial line the program drives in
+ * lockstep.  Nothing happens by itself, so that a run repeats bit for bit.
  *
  * License: MIT. */
 #include <math.h>

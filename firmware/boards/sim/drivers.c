@@ -1,4 +1,4 @@
-/* Drivers beside those that the program plays: none, unless a file of this name takes its place.
+/* Further drivers beside the program's own: empty, unless a file of this name replaces it.
  *
  * License: MIT. */
 #include "port.h"
