@@ -178,7 +178,7 @@ def board_device(device: Device | str | Path) -> Device:
     if name in shipped_devices() and loaded.digest == load_device(loaded.name).digest:
         return _shipped_board(name)
     raise UserError(
-        f"{loaded.origin}: a board measures by encoders, and the device has none.",
+        f"{loaded.origin}: a board needs encoders, but the device has no encoders.",
         "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them.",
     )
 

@@ -54,7 +54,7 @@ def start_board(image: FirmwareImage, timeout_s: float, options: Sequence[str] =
     board = find_board(image.board)
     if "-shared" in board.link:
         raise UserError(
-            f"Board '{board.name}' is a library: nothing runs it by itself.",
+            f"Board '{board.name}' is a library: it does not run by itself.",
             "Drive it from Python (esea_gen.board.sim.SimBoard), or choose another board.",
         )
     if not board.machine:

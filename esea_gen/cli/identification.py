@@ -339,7 +339,7 @@ def torque_check(
         if load:
             raise UserError(
                 "--resume already knows the load.",
-                "Leave --mass, --arm, --angle and their uncertainties out, or start anew.",
+                "Leave --mass, --arm, --angle and their uncertainties out, or start again.",
             )
         check = TorqueCheck.resumed(loaded, read_json(resume, "Give the file that --json wrote."))
     elif mass is not None and arm is not None:

@@ -75,7 +75,7 @@ def read_answer(question: DeviceQuestion, text: str) -> float:
             f"Give a {kind}{question.unit}, such as {question.typical:g}.",
         )
     if value == 0 and facts["low"] == 0:
-        raise UserError(f"{question.name} = 0 is no drive's.", f"Give {question.typical:g}, say.")
+        raise UserError(f"{question.name} = 0 is not possible.", f"Give {question.typical:g}, say.")
     if problem := beyond(question.name, value, dict(facts)):
         raise problem
     return value

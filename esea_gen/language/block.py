@@ -260,7 +260,7 @@ class Block(Component):
         unknown = sorted(set(self.split) - cut - set(self.facts))
         if unknown:
             raise ValueError(
-                f"block {self.name}: splits of what is no state, input or fact: {unknown}"
+                f"block {self.name}: splits of unknown states, inputs or facts: {unknown}"
             )
         return self
 

@@ -78,12 +78,12 @@ class Session(Messenger):
         """Send a command, which is valid until its deadline, without waiting for an answer."""
         cls = self._classes.get("ESEA_WANTED")
         if cls is None:
-            raise LinkError("this device has no motor: nothing can be wanted of it")
+            raise LinkError("this device has no motor: it accepts no commands")
         own = ("deadline_ms", "boot", "time_ms")
         names = [n for n in cls.fieldnames if n not in own]
         unknown = set(wanted) - set(names)
         if unknown:
-            raise ValueError(f"{sorted(unknown)} cannot be wanted; there is {names}")
+            raise ValueError(f"{sorted(unknown)} cannot be commanded; there is {names}")
         sizes = dict(zip(cls.ordered_fieldnames, cls.array_lengths, strict=True))
         values = {n: wanted.get(n, [0.0] * sizes[n] if sizes[n] else 0.0) for n in names}
         fields = values | {"deadline_ms": deadline_ms, "boot": 0, "time_ms": 0}

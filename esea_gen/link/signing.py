@@ -101,11 +101,11 @@ def read_key(path: Path) -> bytes:
     if owner:
         what = f"{path} belongs to another user (number {owner})"
         raise LinkError(
-            what, "Whoever owns it can change it: use a copy of your own, or pair anew."
+            what, "Whoever owns it can change it: use a copy of your own, or pair again."
         )
     if rights:
         what = f"{path} can be read or written by others (rights {stat.S_IMODE(about.st_mode):o})"
-        raise LinkError(what, f"chmod 600 {path}; if others could log in meanwhile, pair anew.")
+        raise LinkError(what, f"chmod 600 {path}; if others could log in meanwhile, pair again.")
     try:
         key = bytes.fromhex(json.loads(data)["key"])
     except (ValueError, KeyError, TypeError, RecursionError):

@@ -171,8 +171,8 @@ class _Encoder:
             raise UserError(
                 f"{device.origin}: encoder.{side}: the largest believable step, {self.step_max} "
                 f"counts ({self.step_max * self.count_rad:.3g} rad), times {self.held_max + 1} "
-                f"(held_max + 1) reaches half a turn ({self.full // 2} counts): which way the "
-                "joint went could not be told.",
+                f"(held_max + 1) reaches half a turn ({self.full // 2} counts): the "
+                "direction would be ambiguous.",
                 f"Lower encoder.{side}.step_max_rad, held_max or the joint's speed limit, or raise "
                 "the sensing rate.",
             )

@@ -44,7 +44,7 @@ class Rise:
 
     def __post_init__(self) -> None:
         if self.kind == "power" and self.number not in (1, 3, 5):
-            raise ValueError(f"x^{self.number:g} is no odd power up to 5")
+            raise ValueError(f"x^{self.number:g} is not an odd power up to 5")
         if not self.number > 0:
             raise ValueError(f"the number of a rise must be above 0, not {self.number:g}")
 

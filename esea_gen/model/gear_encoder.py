@@ -58,7 +58,7 @@ class _GearEncoder:
             raise UserError(
                 f"{device.origin}: within two periods the motor's shaft may turn by "
                 f"{2 * self.step_max} counts, not below half a turn ({self.full // 2}): with one "
-                "frame lost, which way it went could not be told.",
+                "frame lost, the direction would be ambiguous.",
                 "Lower actuator.omega_max_rad_s or raise timing.sense_rate_Hz.",
             )
         span = (

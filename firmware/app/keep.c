@@ -1,5 +1,5 @@
-/* Non-volatile data, between the store and its users: parameters by their keys, zeros by the serial numbers of
- * the encoders, counters, the use of each coupling, and the key for commands.  A board without a store keeps
+/* Non-volatile data, between the store and its users: parameters by their keys, zeros by the serial numbers
+ * of the encoders, counters, the use of each coupling, and the key for commands.  A board without a store keeps
  * nothing.
  *
  * License: MIT. */

@@ -137,5 +137,5 @@ def test_with_one_frame_lost_the_way_must_still_be_told(speed, taken):
         block = gear_encoder(device)
         assert {c.name: c.value for c in block.constants}["held_max"] == 1
     else:
-        with pytest.raises(UserError, match="which way it went could not be told"):
+        with pytest.raises(UserError, match="the direction would be ambiguous"):
             gear_encoder(device)

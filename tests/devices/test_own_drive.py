@@ -218,7 +218,7 @@ def test_without_a_terminal_what_is_missing_is_listed_and_nothing_written(monkey
         ("gear_ratio=x", "gear_ratio = 'x' is not a number"),
         ("gear_ratio=0.5", "gear_ratio = 0.5 is below its limit 1"),
         ("gear_ratio=1_0", "gear_ratio = '1_0' is not a number"),
-        ("k1_Nm_rad=0", "k1_Nm_rad = 0 is no drive's"),
+        ("k1_Nm_rad=0", "k1_Nm_rad = 0 is not possible"),
         ("encoder_bits=12.5", "not a whole number"),
         ("gear_rato=74", "Did you mean gear_ratio"),
     ):

@@ -144,8 +144,8 @@ def test_texts_that_the_operator_alone_reads_are_english_where_a_language_lacks_
     [
         ("de", '[operator]\nclos = "Zu"\n', "no text 'operator.clos'. Did you mean"),
         ("de", '[scene]\nrest = "Pause"\n', "scene.rest has nothing in braces. Put seconds there"),
-        ("de", '[scene]\nmine = "{x.__class__}"\n', "is no place"),
-        ("de", '[scene]\nmine = "{x:>99999999}"\n', "is no place"),
+        ("de", '[scene]\nmine = "{x.__class__}"\n', "is not a place"),
+        ("de", '[scene]\nmine = "{x:>99999999}"\n', "is not a place"),
         ("de", '[scene]\nmine = "{x"\n', "expected '}'"),
         ("de", 'reach = "Los!"\n', "reach is not text"),
         ("de", "[scene]\nreach = 5\n", "scene.reach is not text"),

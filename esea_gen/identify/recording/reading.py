@@ -140,8 +140,8 @@ def _load(
         if dropped > MAX_DROPPED * len(time):
             raise UserError(
                 f"{name}: sampling.min_step_s = {m.sampling.min_step_s:g} s would drop {dropped} "
-                f"of {len(time)} samples, above the limit of {MAX_DROPPED:.0%}: that is no glitch "
-                "rule.",
+                f"of {len(time)} samples, above the limit of {MAX_DROPPED:.0%}: which is too many "
+                "for glitches.",
                 f"Lower it; the median step is {np.median(np.diff(time)):g} s.",
             )
         time, theta, tau, rows = time[keep], theta[keep], tau[keep], rows[keep]

@@ -333,7 +333,7 @@ def _device(study: StudyFolder, given: str | None, former: str | None, rehearsal
     if given and former and given != former and (_nobody(given) or _nobody(former)):
         raise UserError(
             f"The session was begun with --device {former}, not {given}.",
-            "Leave --device out: it goes on with the same.",
+            "Leave --device out: it continues with the same.",
         )
     device = given or former or (SIMULATED if study.simulated or rehearsal else "")
     if not device:

@@ -148,7 +148,7 @@ class CommissioningBench:
             for name in self._streams
         }
         if not all(rows.values()):
-            raise LinkError("the board told of no run", "Does it run?")
+            raise LinkError("the board reported no run", "Does it run?")
         given, told = (np.concatenate(rows[n]) for n in self._streams)
         _, i, j = np.intersect1d(given["sequence"], told["sequence"], return_indices=True)
         return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j], self.axis)

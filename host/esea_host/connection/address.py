@@ -42,7 +42,7 @@ def parse_address(text: str) -> BoardAddress:
     file = text.removeprefix("file:")
     if file.endswith(".mcap"):
         raise UserError(
-            f"{file} is a recording, and no board.",
+            f"{file} is a recording, not a board.",
             f"See what is in it: esea-host show {file}; play it: esea-host replay {file} --view",
         )
     kind, colon, place = text.partition(":")

@@ -350,7 +350,7 @@ class ConnectedDevice:
         if len(found := {self._stream_of(n) for n in names}) > 1:
             raise UserError(
                 f"{', '.join(names)} are of several streams: {', '.join(sorted(found))}.",
-                "Ask for each stream by itself.",
+                "Request each stream separately.",
             )
         (stream,) = found
         layout = next(x for x in self._layouts if x.name == stream)

@@ -92,7 +92,7 @@ class ElementBoard(BoardSource):
     def _confirm(self, element: str, stiffness_Nm_deg: float, number: int) -> str:
         if self.known is None:
             raise UserError(
-                f"The {element} is confirmed by a known mass, and none is given.",
+                f"Confirming the {element} needs a known mass.",
                 "Give --mass KG and --lever M, such as bend the coupling by 3 deg.",
             )
         self._motor_off()

@@ -160,7 +160,7 @@ def recorded_motion(device: DeviceData, path: Path) -> Iterator[Angles]:
             raise UserError(
                 f"{table.at(k + 1, name)}: moves by {speeds[k]:.3g} rad/s; the joint's limit "
                 f"is {most:g} rad/s.",
-                "Angles are in rad; of a recording take what is behind its zeroing.",
+                "Angles are in rad; from a recording use the part after its zeroing.",
             )
     at_s = np.arange(time_s[0], time_s[-1], TICK_S)
     paths = {n: np.interp(at_s, time_s, values[n]).tolist() for n in needed[1:]}

@@ -68,7 +68,7 @@ class LogFound:
         if self.breaks:
             raise UserError(
                 f"{path}: the log has been changed: {'; '.join(self.breaks)}.",
-                "Restore the file from a copy, or have what is behind the break moved aside: "
+                "Restore the file from a copy, or move the part after the break aside: "
                 "esea-host study repair FOLDER.",
             )
         return self

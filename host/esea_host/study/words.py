@@ -145,5 +145,7 @@ def _places(text: str, origin: str, key: str) -> set[str]:
         raise UserError(f"{origin}: {key}: {error}.", "Close every brace.") from None
     for name, spec in parts:
         if not name.isidentifier() or not _SPEC.fullmatch(spec or ""):
-            raise UserError(f"{origin}: {key}: {{{name}:{spec}}} is no place.", "Write {name}.")
+            raise UserError(
+                f"{origin}: {key}: {{{name}:{spec}}} is not a placeholder.", "Write {name}."
+            )
     return {name for name, _ in parts}
