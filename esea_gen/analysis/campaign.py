@@ -1,8 +1,7 @@
 """One way to run many independent cases: here or on a cluster, resumable, always the same numbers.
 
 Monte Carlo, sweeps of tunables, passivity maps: a function, a list of cases, and who runs them.
-joblib starts the processes here, a Dask scheduler has them elsewhere; the journal is written by the
-process that asked.
+joblib starts processes here, a Dask scheduler elsewhere; the calling process writes the journal.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Pictures of closed-loop experiments, in the look of the reports.
 
-Each function takes arrays or results and returns a Figure; saving is the caller's.  `save` writes
-one as a picture with that look.
+Each function takes arrays or results and returns a Figure; `save` writes one in the same style.
 """
 
 from __future__ import annotations

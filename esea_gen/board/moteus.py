@@ -1,7 +1,6 @@
 """Emulated moteus drive: the register protocol, encoded by the manufacturer's codec.
 
-The load is separate: ``torque_Nm`` out, ``show`` in.  Frames are those of CAN-FD, lines those of an
-fdcanusb adapter.
+The load is separate: ``torque_Nm`` out, ``show`` in.  Frames are CAN-FD's, lines fdcanusb's.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Temperature of the motor's winding and case from its copper loss, and the derated torque.
 
-A drive that measures it may only raise the winding's temperature, and no faster than copper warms:
-its sensor lags, or is missing.
+A drive's sensor may lag or be missing: it only raises the estimate, no faster than copper warms.
 """
 
 from __future__ import annotations

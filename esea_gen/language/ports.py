@@ -1,7 +1,6 @@
 """Interface of a Block: ports, tunables, constants, flags, and the checks of a value.
 
-A quantity carries its unit in its name.  Every threshold is a float32 number, so that all number
-formats decide alike.
+A quantity has its unit in its name.  Thresholds are float32, so that all formats decide alike.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Recomputed values by the names of the published ones.
 
-No value is stored here: the emitted C runs, or the Blocks, or arithmetic on the thesis' printed
-numbers.
+No value is stored here: the emitted C runs, or the Blocks, or arithmetic on printed numbers.
 """
 
 from __future__ import annotations

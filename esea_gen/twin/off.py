@@ -1,8 +1,7 @@
 """Model mismatch: virtual exoskeletons that differ from the controller's model.
 
 Each family changes one property of the requested plant; its numbers are in ``plants.toml``.
-Friction, inertia and lag are scaled from the device file's, which the controller uses, not from the
-plant's.
+Friction, inertia and lag are scaled from the device file's, which the controller uses.
 """
 
 from __future__ import annotations

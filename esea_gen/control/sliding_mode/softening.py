@@ -1,7 +1,6 @@
 """Lower gains while the error swings, for a drive lighter or slower than its model.
 
-With such gains at all times the drive that the model knows would be followed less well, and a limp
-hand would be left moving.
+With such gains at all times tracking would be worse, and a limp hand would continue to move.
 """
 
 from __future__ import annotations

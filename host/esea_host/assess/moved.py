@@ -1,7 +1,6 @@
 """Simulated knee on a simulated board: patient and therapist in a loop with the coupling.
 
-The hands push the cuff by what they see and feel of the leg; the leg is moved by the torque that
-the coupling transmits.
+The hands push the cuff by sight and feel of the leg; the coupling's torque moves the leg.
 """
 
 from __future__ import annotations

@@ -96,9 +96,7 @@ def build(
         f"{int(data.common.sum())} of {data.grid.cells} locations reached by all, {digest[:16]}"
     )
     if data.calibration is None:
-        out.print(
-            'Not calibrated: spread and noise of a movement, and "none of these", are assumed.'
-        )
+        out.print('Not calibrated: spread, noise and "none of these" are assumed.')
         return
     fit = data.calibration
     out.print(

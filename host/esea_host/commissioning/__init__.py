@@ -1,7 +1,7 @@
 """Commissioning of a connected board in steps: instruction, verdict, figure, record.
 
 The steps use what every board has: the streams of its sensing task, and its own torque mode.
-  The torque is judged by :mod:`esea_gen.studies.torque_check`.
+The torque is judged by :mod:`esea_gen.studies.torque_check`.
 """
 
 from esea_host.commissioning.bench import CommissioningBench, CommissioningEndedError, HandAct

@@ -1,7 +1,6 @@
 """Decode telemetry from bytes, in arrays rather than message by message.
 
-Frames of runs, thousands a second, are copied as bytes into arrays; every other frame is passed
-unchanged to the session.
+Frames of runs, thousands a second, are copied into arrays; other frames go to the session.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 The board's torque is that of the elastomer's model, for any installed element.  Independent of it
 are the deflection, from the encoders on either side of the coupling, and the torque of a hanging
-mass. They give two numbers, by five phases, unloaded, loaded one way, unloaded, the other way,
-unloaded::
+mass. Five phases (unloaded, loaded one way, unloaded, the other way, unloaded) give two numbers::
 
     stiffness = 2 T / |d_plus - d_minus|
     memory    = (d_after_plus - d_after_minus) / (d_plus - d_minus)

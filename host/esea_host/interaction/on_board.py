@@ -1,7 +1,6 @@
 """A session of these tasks on a board: the element is confirmed first, the angle has a middle.
 
-At a simulated board a simulated attendant builds in and loads the element, and a virtual
-participant plays.
+At a simulated board an attendant loads the element and a participant plays, both simulated.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Logs of other machines, read by a mapping file; faults are reported, not corrected.
 
-A mapping is TOML: meaning, unit and factor of each column, marks of broken values, and the time
-base.
+A mapping is TOML: meaning, unit and factor of each column, marks of broken values, time base.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """An emulated moteus drive behind a pseudo terminal, with the virtual exoskeleton at its shaft.
 
-It takes the place of fdcanusb adapter, drive, motor and joint: the board's program opens the
-terminal as it would the adapter.
+It replaces fdcanusb adapter, drive, motor and joint: the board's program opens its terminal.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Session inputs from a connected board, real or simulated; every run is recorded.
 
-The board's limits own safety; this reads, and while the motor is armed it forwards the task's
-request, or 0 Nm without one.
+The board's limits own safety; this reads, and while armed forwards the task's request, or 0 Nm.
 """
 
 from __future__ import annotations

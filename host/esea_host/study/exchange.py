@@ -1,8 +1,7 @@
 """Export of a study's data: rows, Parquet, and BIDS with its motion data.
 
 Codes follow from the study's secret key.  There are no notes, no dates, no times of day and no seed
-of the protocol; only what completed trials gave.  While somebody is blinded, values that reveal the
-group are left out.
+of the protocol; only what completed trials gave.  Values that reveal the group wait for unblinding.
 """
 
 from __future__ import annotations
