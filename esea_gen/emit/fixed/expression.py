@@ -77,6 +77,8 @@ def cast(x: Expr, bits: int) -> Expr:
         return x
     if x.op == "literal":
         return called(literal(x.data[0], bits), x.name)
+    if x.op == "cast" and x.args[0].bits == bits:  # it fits both types
+        return x.args[0]
     return _make("cast", (x,), bits, x.low, x.high)
 
 
@@ -157,7 +159,7 @@ def mul(x: Expr, y: Expr, shift: int, bits: int) -> Expr:
                     "mul", (x, y), 32, _rounded(low, shift), _rounded(high, shift), (shift,)
                 )
             return round_shift(_make("wide_mul", (x, y), 64, low, high), shift, bits)
-        return cast(_make("wide_mul", (x, y), 64, low, high), bits)
+        return _make("wide_mul" if bits == 64 else "times", (x, y), bits, low, high)
     # As the C computes it, from two or three partial products: the high one, a unit to either
     # side, in steps of 2^unit, and where that is above 1 the rest below a step.
     edge = 32 if y.bits == 32 else 64
@@ -182,6 +184,13 @@ def clamp(x: Expr, low: int, high: int) -> Expr:
     if x.low < low:
         x = maximum(x, literal(low, x.bits), x.bits)
     return x
+
+
+def saturate(x: Expr) -> Expr:
+    """The nearest of 32 bits."""
+    if x.bits == 64 and x.low < INT32[0] and x.high > INT32[1]:
+        return Expr("saturate", (x,), 32, *INT32)
+    return cast(clamp(x, *INT32), 32)
 
 
 def choose(condition: Expr, x: Expr, y: Expr, bits: int) -> Expr:
@@ -274,6 +283,7 @@ def _widened(x: Expr) -> Expr:
 _C = {
     "add": "{0} + {1}",
     "sub": "{0} - {1}",
+    "times": "{0} * {1}",
     "neg": "-{0}",
     "sign": "({0} > 0) ? 1 : (({0} < 0) ? -1 : 0)",
     "choose": "{0} ? {1} : {2}",
@@ -291,10 +301,10 @@ def bare_text(x: Expr) -> str:
         parts = (f"esea_bit({bare_text(t)}, {k}u)" for t, k in zip(x.args, x.data, strict=True))
         return " | ".join(parts)
     args = x.args
-    if x.op in ("add", "sub", *_COMPARE):  # one wide operand is enough
-        first, second = args
+    if x.op in ("add", "sub", "choose", *_COMPARE):  # one wide operand is enough
+        *test, first, second = args
         plain = _widened(second) is second
-        args = (_widened(first), second) if plain else (first, _widened(second))
+        args = (*test, *((_widened(first), second) if plain else (first, _widened(second))))
     a = [c_text(y) for y in args]
     if x.op in _C:
         return _C[x.op].format(*a)
@@ -362,6 +372,8 @@ _RULES: dict[str, Callable[..., Array]] = {
     "mul": lambda d, x, y: _rounded_off(d, x * y),
     "mul64": lambda d, x, y: _rounded_off(d, x * y),
     "wide_mul": lambda d, x, y: x * y,
+    "times": lambda d, x, y: x * y,
+    "saturate": lambda d, x: np.minimum(np.maximum(x, INT32[0]), INT32[1]),
     "min": lambda d, x, y: np.minimum(x, y),
     "max": lambda d, x, y: np.maximum(x, y),
     "lt": lambda d, x, y: _truth(x < y),

@@ -170,7 +170,7 @@ class Lowering(Elementary):
             saturations.append(f.name)
             e = ex.minimum(e, ex.literal(f.high, e.bits), e.bits)
             e = ex.maximum(e, ex.literal(f.low, e.bits), e.bits)
-        return ex.cast(ex.clamp(e, *ex.INT32), 32), rounding + constant
+        return ex.saturate(e), rounding + constant
 
 
 _RULES: dict[str, Callable[[Lowering, int, Node], Value]] = {
