@@ -64,6 +64,34 @@ def prove_block(
     return EvaResult(device.name, block.name, alarms, unproven, tuple(assumed), *reached)
 
 
+def with_conditions(text: str) -> str:
+    """A Block's C in which a flag that chooses stands beside what it is the name of.
+
+    The value analysis learns a value's range from a comparison where it is chosen, and not from a
+    flag that holds the comparison's result.  Both are constants of one run, so that the program is
+    the same.
+    """
+    if "templates/device/esea_block.c.j2" not in text:
+        return text
+    known: dict[str, str] = {}
+
+    def spelled(found: re.Match[str]) -> str:
+        name = found[0]
+        return f"({name} && {known[name]})" if name in known else name
+
+    def statement(found: re.Match[str]) -> str:
+        kind, name, value = found.groups()
+        *condition, arms = value.partition("?") if "?" in value else ("", "", value)
+        test = re.sub(r"\w+", spelled, condition[0])
+        if kind == "bool" and not condition[0] and "||" not in value:
+            meant = re.sub(r"\w+", spelled, value)
+            if "<=" in meant:
+                known[name] = f"({meant})"
+        return f"const {kind} {name} = {test}{condition[1]}{arms};"
+
+    return re.sub(r"const (\w+) (\w+) = ([^;]+);", statement, text)
+
+
 def analysed(
     files: Mapping[str, str],
     sources: Sequence[str],
@@ -76,7 +104,8 @@ def analysed(
     frama = find_compiler("frama-c", "frama-c-base")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        write_texts(folder, {n: change(n, t) if change else t for n, t in files.items()})
+        changed = {n: change(n, t) if change else t for n, t in files.items()}
+        write_texts(folder, {n: with_conditions(t) for n, t in changed.items()})
         # Whole paths: Frama-C goes by $PWD and not by where it was started.
         found = (f"-I{folder / name}" for name in ("", *folders))
         include = f"-cpp-extra-args={' '.join((*found, *SSE, *defines))}"

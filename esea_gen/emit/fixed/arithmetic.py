@@ -238,16 +238,7 @@ class Arithmetic(LoweringBase):
         if one in implied and found is not None and found.expr.op == "ref":
             e, (low, high) = found.expr, implied[one]
             if low > e.low or high < e.high:
-                # The test stands again where it is used, so that an analyser sees it too.
                 low, high = max(low, e.low), min(high, e.high)
-                again = ex.logic(
-                    "and",
-                    ex.compare("le", e, ex.literal(high, e.bits)),
-                    ex.compare("le", ex.literal(low, e.bits), e),
-                )
-                only = self._tests_only(test, one)
-                if i not in self.whole or i in self.converted:
-                    condition = again if only else ex.logic("and", again, condition)
                 override[one] = Value(ex.within(e, low, high), found.fraction)
         ends = [
             (override[k].low, override[k].high) if k in override else self._ends(k)
@@ -292,16 +283,6 @@ class Arithmetic(LoweringBase):
                 edge = last_raw(c, v.fraction, n.op == "lt", upper)
                 found[k] = (low, min(high, edge)) if upper else (max(low, edge), high)
         return found
-
-    def _tests_only(self, i: int, k: int) -> bool:
-        # Whether a condition is no more than comparisons of one value, as all see it, with numbers.
-        n = self.kernel.nodes[i]
-        if i in self.checks:
-            return False
-        if n.op == "and":
-            return all(self._tests_only(a, k) for a in n.args)
-        others = [a for a in n.args if a != k]
-        return n.op in ("le", "lt") and len(others) == 1 and self._constant(others[0]) is not None
 
     def _condition(self, i: int) -> Expr:
         v = self.values[i]

@@ -225,16 +225,6 @@ class LoweringBase:
 
         self.whole = unsigned_nodes(self.kernel, declared, self.ports)
         self.choices = chosen_nodes(self.kernel, declared, self.ports)
-        # Whole numbers that a signed one is made of: an analyser must see their range.
-        self.converted = {
-            a
-            for i, n in enumerate(nodes)
-            if i not in self.whole and n.op not in COMPARING
-            for a in n.args[n.op in SELECTING :]
-        }
-        for i in reversed(range(len(nodes))):
-            if i in self.whole & self.converted:
-                self.converted |= {*nodes[i].args}
 
     def _only_compared(self) -> set[int]:
         # Values that end in comparisons alone: kept exact, so that they decide as they should.
