@@ -9,9 +9,10 @@ from typing import Any
 
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.formats.floating import FloatingFormat, print_kernel
-from esea_gen.emit.printed import PrintedKernel, comment
+from esea_gen.emit.printed import PrintedKernel, bare, comment
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.errors import UserError
+from esea_gen.language.builder import array_name
 from esea_gen.language.program import Program
 from esea_gen.language.statements import (
     EPSILON,
@@ -251,29 +252,17 @@ class _Writer:
             name = context.names.get(v, v)
             parts.append(name if c == 1 else f"{c} * {name}")
         for c, t, i in e.lookups:
-            m = self.program.memory[t]
-            self.used.add(t)
-            element = self.place(Ref(t, i, 1), 0, context)
-            text = (
-                f"(int){element}"
-                if m.region != "index"
-                else (f"(int){self.stem}_{t}[{self._index(i, context)}]")
-            )
+            text = f"(int){self.place(Ref(t, i, 1), 0, context)}"
             parts.append(text if c == 1 else f"{c} * {text}")
         if e.constant or not parts:
             parts.append(str(e.constant))
         return " + ".join(parts).replace("+ -", "- ")
 
-    def _read(self, ref: Ref, element: int, context: _Context) -> str:
-        # A flag or a count among the inputs becomes a number at once.
-        whole = ref.array in {f"in.{p.name}" for p in self.program.inputs if p.whole}
-        return f"({self.fmt.c_type})" * whole + self.place(ref, element, context)
-
     def place(self, ref: Ref, element: int, context: _Context) -> str:
         m = self.program.memory[ref.array]
         local = m.name.rpartition(".")[2]
         at = self._index(ref.start + element * ref.stride, context)
-        if m.region == "table":
+        if m.region in ("table", "index"):
             self.used.add(m.name)
             return f"{self.stem}_{local}[{at}]"
         if m.region == "local":
@@ -290,8 +279,7 @@ class _Writer:
             elif isinstance(s, SetIndex):
                 lines.append(f"{pad}{s.var} = {self._index(s.value, context)};")
             elif isinstance(s, Exit):
-                zero = self.fmt.literal(0.0)
-                lines.append(f"{pad}if ({self.place(s.flag, 0, context)} != {zero})")
+                lines.append(f"{pad}if ({self._holds(s.flag, context)})")
                 lines.append(f"{pad}    break;")
             elif isinstance(s, Invoke):
                 pointers = self._pointers(self.program.parts[s.part])
@@ -303,10 +291,15 @@ class _Writer:
                 lines += self._for(s, context, depth)
         return lines
 
+    def _holds(self, flag: Ref, context: _Context) -> str:
+        whole = self.program.memory[flag.array].kind != "quantity"
+        zero = "0u" if whole else self.fmt.literal(0.0)
+        return f"{self.place(flag, 0, context)} != {zero}"
+
     def _when(self, s: When, context: _Context, depth: int) -> list[str]:
         pad = "    " * depth
         if isinstance(s.flag, Ref):
-            condition = f"{self.place(s.flag, 0, context)} != {self.fmt.literal(0.0)}"
+            condition = self._holds(s.flag, context)
         else:
             left, op, right = s.flag
             condition = f"{self._index(left, context)} {op} {self._index(right, context)}"
@@ -348,17 +341,19 @@ class _Writer:
         if key not in self.kernels:
             self.kernels[key] = self.fmt.passes(walk(s.kernel))
         kernel = self.kernels[key]
-        words = [
-            k
-            for k, r in enumerate(s.results)
-            if any(p.whole and r.array == f"out.{p.name}" for p in self.program.outputs)
-        ]
+        memory = self.program.memory
+        status = {array_name("out", p.name) for p in self.program.outputs if p.flags}
+        words = [k for k, r in enumerate(s.results) if r.array in status]
         printed = print_kernel(
             kernel,
             self.fmt,
-            lambda a, e: (f"a{a}_{e}", self._read(s.args[a], e, context), None),
+            lambda a, e: (
+                *(f"a{a}_{e}", self.place(s.args[a], e, context)),
+                memory[s.args[a].array].port,
+            ),
             {},
             words,
+            ports=[memory[r.array].port for r in s.results],
         )
         pad = "    " * depth
         lines = [f"{pad}{{"]
@@ -368,7 +363,7 @@ class _Writer:
             lines.append(f"{pad}    const {x.c_type} {x.name} = {x.expression};")
         for ref, atoms in zip(s.results, printed.results, strict=True):
             for e, atom in enumerate(atoms):
-                lines.append(f"{pad}    {self.place(ref, e, context)} = {atom};")
+                lines.append(f"{pad}    {self.place(ref, e, context)} = {bare(atom)};")
         lines.append(f"{pad}}}")
         if len(lines) == 3 + bool(s.note):  # one statement needs no braces
             lines[-3:] = [lines[-2][4:]]

@@ -27,25 +27,31 @@ def unsigned_nodes(
     is.  No sum or difference is whole that could wrap.
     """
     nodes = kernel.nodes
-    most: dict[int, float] = {}  # of what can be a whole number
+    most: dict[int, float] = {}  # of what can be a whole number, and the least
+    least: dict[int, float] = {}
     whole = set()
     for i, n in enumerate(nodes):
         parts = n.args[n.op in SELECTING :]
         if n.op == "input":
             port = argument(n.source[0])
             if kind_of(port) == "count":
-                most[i] = port.high
+                least[i], most[i] = port.low, port.high
                 whole.add(i)
         elif n.op == "const":
             if n.value >= 0 and n.value == np.floor(n.value):
-                most[i] = n.value
+                least[i] = most[i] = n.value
         elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
-            ends = [most[a] for a in parts]
-            if n.op == "sub" and (nodes[parts[0]].op != "const" or ends[0] < ends[1]):
-                continue
-            high = sum(ends) if n.op == "add" else ends[0] if n.op == "sub" else max(ends)
-            if high <= MOST_WHOLE:
-                most[i] = high
+            lows, highs = [least[a] for a in parts], [most[a] for a in parts]
+            if n.op == "select":
+                low, high = min(lows), max(highs)
+            elif n.op == "if_else_zero":
+                low, high = 0.0, highs[0]
+            elif n.op == "add":
+                low, high = sum(lows), sum(highs)
+            else:
+                low, high = lows[0] - highs[1], highs[0] - lows[1]
+            if 0 <= low and high <= MOST_WHOLE:
+                least[i], most[i] = low, high
                 whole |= {i} & {i for a in parts if a in whole}
     read_as_number: set[int] = set()
     for r, port in zip(kernel.results, ports, strict=False):

@@ -8,9 +8,10 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.language.ports import Port, port_ok
+from esea_gen.language.ports import Kind, Port, port_ok
 from esea_gen.language.statements import (
     EPSILON,
+    WORK_RANGE,
     Call,
     Exit,
     For,
@@ -42,12 +43,25 @@ class Builder:
         self._fresh = 0
 
     def array(
-        self, name: str, size: int, region: Region = "work", meaning: str = "", values: Any = None
+        self,
+        name: str,
+        size: int,
+        region: Region = "work",
+        meaning: str = "",
+        values: Any = None,
+        kind: Kind = "quantity",
+        ends: tuple[float, float] = (-WORK_RANGE, WORK_RANGE),
     ) -> Memory:
         if name in self.memory or size < 1:
             raise ProgramError(f"array {name}: the name is taken or the size {size} is below 1")
-        self.memory[name] = Memory(name, size, region, meaning, values)
+        self.memory[name] = Memory(name, size, region, meaning, values, kind, ends)
         return self.memory[name]
+
+    def flag(self, name: str, meaning: str = "", region: Region = "work") -> Memory:
+        return self.array(name, 1, region, meaning, kind="flag", ends=(0, 1))
+
+    def count(self, name: str, high: int, meaning: str, size: int = 1, low: int = 0) -> Memory:
+        return self.array(name, size, meaning=meaning, kind="count", ends=(low, high))
 
     def table(self, name: str, values: Any, meaning: str = "") -> Memory:
         given = values if isinstance(values, Mapping) else dict.fromkeys(EPSILON, values)
@@ -55,7 +69,10 @@ class Builder:
         return self.array(name, len(content["f64"]), "table", meaning, content)
 
     def index_table(self, name: str, values: Sequence[int], meaning: str = "") -> Memory:
-        return self.array(name, len(values), "index", meaning, tuple(int(v) for v in values))
+        numbers = tuple(int(v) for v in values)
+        return self.array(
+            name, len(numbers), "index", meaning, numbers, "count", (0, max(1, *numbers))
+        )
 
     @contextmanager
     def part(self, name: str, *params: str, comment: str = "") -> Iterator[tuple[Ix, ...]]:
@@ -179,7 +196,10 @@ def array_name(region: str, port: str) -> str:
 
 def declare_ports(builder: Builder, region: Region, ports: Sequence[Port]) -> dict[str, Memory]:
     return {
-        p.name: builder.array(array_name(region, p.name), p.size, region, p.meaning) for p in ports
+        p.name: builder.array(
+            array_name(region, p.name), p.size, region, p.meaning, None, p.kind, (p.low, p.high)
+        )
+        for p in ports
     }
 
 
@@ -189,7 +209,9 @@ def guard_inputs(builder: Builder, inputs: Sequence[Port], ok: Memory) -> dict[s
     builder.call("all_ok", [], [ok[:]], lambda: ca.SX(1))
     for p in inputs:
         source = builder.memory[array_name("in", p.name)]
-        target = builder.array(f"g_{p.name}", p.size, "work", f"guarded: {p.meaning}")
+        guarded = f"guarded: {p.meaning}"
+        ends = (p.low, p.high) if p.kind != "quantity" else source.ends
+        target = builder.array(f"g_{p.name}", p.size, "work", guarded, None, p.kind, ends)
         held[p.name] = target
 
         def check(x: ca.SX, good: ca.SX, p: Port = p) -> tuple[ca.SX, ca.SX]:

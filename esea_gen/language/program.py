@@ -30,7 +30,6 @@ from esea_gen.language.builder import Builder, array_name
 from esea_gen.language.component import Component, Executor, PrepareFn, check_ports, start_functions
 from esea_gen.language.ports import Array, Constant, Equation, Port, Tunable
 from esea_gen.language.statements import (
-    WORK_RANGE,
     Call,
     Exit,
     Invoke,
@@ -86,11 +85,7 @@ class Program(Component):
         The builder must hold one array a port (see :func:`declare_ports`) and the part ``step``.
         """
         check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
-        work = tuple(
-            Port(m.name, -WORK_RANGE, WORK_RANGE, f"work: {m.meaning or m.name}", m.size)
-            for m in builder.memory.values()
-            if m.region == "work"
-        )
+        work = tuple(m.port for m in builder.memory.values() if m.region == "work")
         program = cls(
             name,
             title,
@@ -181,13 +176,13 @@ class ProgramSimulator(Executor):
         for n, m in program.memory.items():
             if m.region == "work":
                 arrays[n] = self._s[n]
-            elif m.region == "table":
-                arrays[n] = np.array(m.values["f64"])
+            elif m.region in ("table", "index"):
+                arrays[n] = np.array(m.values["f64"] if m.region == "table" else m.values, float)
             elif m.region == "local":
                 arrays[n] = np.zeros(m.size)
         self.arrays = arrays
         # Work arrays may hold whole numbers that index others.
-        self.tables: dict[str, Any] = dict(program.index_tables) | arrays
+        self.tables: dict[str, Any] = arrays | program.index_tables
         self._buffers: dict[int, tuple[list[Array], list[Array], Callable[[], None], Any]] = {}
         self._code = {n: self._compile(p.body) for n, p in program.parts.items()}
         self.passes: dict[str, int] = {}

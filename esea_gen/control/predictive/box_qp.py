@@ -76,11 +76,11 @@ def add_box_qp(b: Builder, n: int, cap: int | None = None) -> QpMemory:
         b.array("qp_low", n, meaning="lower bounds"),
         b.array("qp_high", n, meaning="upper bounds"),
         b.array("qp_x", n, meaning="start and result"),
-        b.array("qp_convex", 1, meaning="1 when every pivot was positive"),
-        b.array("qp_capped", 1, meaning="1 when the iterations ran out"),
-        b.array("qp_optimal", 1, meaning="1 when the check at the end passed"),
+        b.flag("qp_convex", "1 when every pivot was positive"),
+        b.flag("qp_capped", "1 when the iterations ran out"),
+        b.flag("qp_optimal", "1 when the check at the end passed"),
         b.array("qp_residual", 1, meaning="largest projected gradient step"),
-        b.array("qp_iterations", 1, meaning="changes of the active set"),
+        b.count("qp_iterations", cap + 1, "changes of the active set"),
     )
     _Writer(b, n, m).write(cap)
     return m
@@ -95,7 +95,7 @@ class _Writer:
         self.y = b.array(
             "qp_y", n, meaning="stationary point: values where free, gradients where tied"
         )
-        self.full = b.array("qp_full", 1, meaning="1 when T is the tableau")
+        self.full = b.flag("qp_full", "1 when T is the tableau")
         self.side = b.array("qp_side", n, meaning="-1 free, 1 tied")
         self.pair = b.index_table(
             "qp_pair", [packed(i, j) for i in range(n) for j in range(n)], "place of (i, j)"
@@ -118,8 +118,8 @@ class _Writer:
         self._sweep()
         self.part = b.array("part", 1, "local")
         self.best = b.array("best", 1, "local")
-        self.flag = b.array("flag", 1, "local")
-        self.stop = b.array("stop", 1, "local")
+        self.flag = b.flag("flag", region="local")
+        self.stop = b.flag("stop", region="local")
         self.product = b.array("qp_p", self.n, meaning="a matrix times a vector")
         self.column = b.array("column", self.n, "local")
         self._factor()
@@ -278,13 +278,13 @@ class _Writer:
             self._best(
                 which, "promise", lambda i: [self._diagonal(self.T, i), self.still[0]], _promise
             )
-            b.call("finished", [best[0]], [stop[0]], _is_zero)
+            b.call("finished", [best[0]], [stop[0]], lambda best: ca.logic_not(best > 0))
             with b.when(stop[0]):
                 b.call("done", [], [m.capped[0]], zero)
             b.exit_if(stop[0])
         b.invoke("qp_sweep", which)
         b.call("count", [m.iterations[0]], [m.iterations[0]], lambda k: k + 1)
-        b.call("lost", [m.convex[0]], [stop[0]], _is_zero)
+        b.call("lost", [m.convex[0]], [stop[0]], ca.logic_not)
         b.exit_if(stop[0])
 
     def _best(
@@ -355,10 +355,6 @@ def _outside(x: Any, step: Any, low: Any, high: Any, full: Any) -> tuple[Any, An
 
 def _shift(y: Any, side: Any, c: Any, scale: Any) -> Any:
     return y + side * (c * scale[1]), c * scale[0]
-
-
-def _is_zero(x: Any) -> Any:
-    return ca.logic_not(x > 0)
 
 
 def _both(h: Any, xi: Any, xj: Any, si: Any, sj: Any) -> Any:

@@ -89,7 +89,7 @@ class _Writer:
         self.slope = b.array("slope", 1, meaning="stiffness of the free stop operators")
         self.dx = b.array("dx", n * nx, meaning="sensitivities of the state, by input")
         self.back = b.array("back", n, meaning="sensitivity of the free operators' play torque")
-        self.valid = b.array("valid", 1, meaning="1 when every input was inside its range")
+        self.valid = b.flag("valid", "1 when every input was inside its range")
         self.unused = b.array("unused", 1, meaning="takes what nothing reads")
         self.rows: list[tuple[Memory, Memory]] = []  # value and gradient of every residual
         self.stops: StopRollout | None = None
@@ -178,7 +178,7 @@ class _Writer:
     def _step(self) -> None:
         m, b, n, z = self.m, self.b, self.n, self.z
         valid = self.valid
-        sound = b.array("sound", 1, meaning="1 when the plan was")
+        sound = b.flag("sound", "1 when the plan was")
         qp = self.qp
         with b.part("step", comment=""):
             b.invoke("guard")
@@ -352,10 +352,10 @@ class _Writer:
 
     def _report(self, valid: Memory, sound: Memory) -> None:
         m, b, qp = self.m, self.b, self.qp
-        fine = b.array("fine", 1, meaning="1 when the plan can be used")
+        fine = b.flag("fine", "1 when the plan can be used")
         b.call("usable", [valid[0], qp.convex[0]], [fine[0]], ca.logic_and)
         self.each("plan_fine", [qp.x, fine[0]], [fine[0]], _and_inside)
-        acts = b.array("acts", 1, "local")
+        acts = b.flag("acts", region="local")
         b.call("acts", [fine[0]], [acts[0]], same)
         if m.enable:
             b.call(

@@ -32,16 +32,16 @@ class StopRollout:
         self.steps = steps
         self.count = count = len(stops.r)
         self.play = b.array("play", count, meaning="play states of the stop operators")
-        self.tied = b.array("tied", 1, meaning="how many are tied: the first ones")
+        self.tied = b.count("tied", count, "how many are tied: the first ones")
         self.sense = b.array("sense", 1, meaning="side on which they are tied, 1 or -1")
         self.base = b.array("base", 1, meaning="play torque of the free ones")
         self.weight = b.array("weight", 1, meaning="weight of those tied together")
         # Those let go together are a group.  Groups are stacked: the newest is first in order.
-        self.groups = b.array("groups", 1, meaning="how many groups of free operators")
-        self.first = b.array("first", 1, meaning="first one whose history is not yet taken")
-        self.group_end = b.array("group_end", count + 1, meaning="where each group ends")
+        self.groups = b.count("groups", count + 1, "how many groups of free operators", low=1)
+        self.first = b.count("first", count + 1, "first one whose history is not yet taken")
+        self.group_end = b.count("group_end", count + 1, "where each group ends", count + 1)
         let_go = "substep in which each was let go"
-        self.group_since = b.array("group_since", count + 1, meaning=let_go)
+        self.group_since = b.count("group_since", steps, let_go, count + 1)
         sensitivity = "sensitivity of the deflection, by substep"
         self.history = b.array("history", (steps + 1) * n, meaning=sensitivity)
         r, p = np.array(stops.r), np.array(stops.p)
@@ -61,7 +61,7 @@ class StopRollout:
     def write(self) -> None:
         """The parts; ``roll`` with the number of the substep is one step of all operators."""
         z, count, steps = self.z, self.count, self.steps
-        turn, more, stop = (self.b.array(n, 1, "local") for n in ("turn", "more", "stop_here"))
+        turn, more, stop = (self.b.flag(n, region="local") for n in ("turn", "more", "stop_here"))
         self._let_go(count, 2 * sum(-(-t // z.substeps) for t in range(steps)))
         self._tie(count, steps + z.delay_substeps, stop)
         self._roll_on(count, turn, more)
@@ -178,7 +178,7 @@ class StopRollout:
     def _take_histories(self, count: int, rolls: int) -> None:
         b, weight = self.b, self.weight
         tied, first, groups = self.tied.at(0), self.first.at(0), self.groups.at(0)
-        stop = b.array("whole", 1, "local")
+        stop = b.flag("whole", region="local")
         # What groups were tied whole; each had been let go in a call before.
         with b.loop(0, count + 1, total=2 * rolls) as _:
             b.call(
@@ -210,10 +210,10 @@ class StopRollout:
 
     @property
     def substep_number(self) -> Memory:
-        """Table of whole numbers as reals: a loop's index that a kernel can store."""
+        """Table of whole numbers: a loop's index that a kernel can store."""
         name = "number"
         if name not in self.b.memory:
-            self.b.table(name, [float(t) for t in range(self.steps + 1)], "whole numbers")
+            self.b.index_table(name, range(self.steps + 1), "whole numbers")
         return self.b.memory[name]
 
     def sensitivity(self, t: Ix, j: Ix) -> Ref:

@@ -213,7 +213,7 @@ class _Operands:
             if i in self.whole:
                 return f"({self.fmt.c_type}){text}"
             return _number(self.fmt, text) if n.boolean else text
-        if i in self.whole:
+        if i in self.whole or i in self.flags:
             return text
         if n.boolean:
             return f"({text} ? 1u : 0u)"
