@@ -50,7 +50,7 @@ def unsigned_nodes(
                 low, high = sum(lows), sum(highs)
             else:
                 low, high = lows[0] - highs[1], highs[0] - lows[1]
-            if 0 <= low and high <= MOST_WHOLE:
+            if low >= 0 and high <= MOST_WHOLE:
                 least[i], most[i] = low, high
                 whole |= {i} & {i for a in parts if a in whole}
     read_as_number: set[int] = set()

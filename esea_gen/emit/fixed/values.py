@@ -16,8 +16,6 @@ from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
 from esea_gen.emit.unsigned import chosen_nodes, unsigned_nodes
 from esea_gen.emit.walker import (
-    COMPARING,
-    SELECTING,
     Kernel,
     UnsupportedOperationError,
     status_words,
