@@ -55,13 +55,16 @@ class _Interpolation:
                 around(f"omega_{end}_rad_s", drive.omega_rad_s, f"{text}rate of the joint"),
             )
 
+        def periods(name: str, text: str, **named: Any) -> Port:
+            return Port.count(name, self.most, text, low=1, init=1, **named)
+
         self.state = (
             Port.choice("mode_last", Mode, "mode of the last step"),
             *desired("last", "as received: desired "),
             *desired("now", "interpolated: desired "),
             Port.count("age", self.most, "periods since the last change", init=self.most),
-            Port("intervals", 1.0, self.most, "last intervals, newest first", INTERVALS, init=1.0),
-            Port("left", 1.0, self.most, "periods until the ramp ends", init=1.0),
+            periods("intervals", "last intervals, newest first", size=INTERVALS),
+            periods("left", "periods until the ramp ends"),
         )
         self.inputs = (
             Port.choice("mode", Mode, "wanted mode"),
@@ -90,13 +93,14 @@ class _Interpolation:
         age = s.age + 1
         intervals = ca.vertsplit(s.intervals)
         intervals = [
-            ca.if_else(changed, ca.if_else(follows, new, 1.0), old)
+            ca.if_else(changed, ca.if_else(follows, new, 1), old)
             for new, old in zip([age, *intervals], intervals, strict=False)
         ]
-        longest = ca.fmax(ca.fmax(intervals[0], intervals[1]), intervals[2])
+        longest = intervals[0]
+        for other in intervals[1:]:
+            longest = ca.if_else(longest < other, other, longest)
         left = ca.if_else(changed, longest, s.left)
-        entered = ca.logic_not(u.mode == s.mode_last)
-        left = ca.fmax(ca.if_else(entered, 0.0, left), 1.0)  # so that no divisor's range holds 0
+        left = ca.if_else(u.mode == s.mode_last, left, 1)
         left = label("left", left, "[wish 1] periods of the ramp")
         ends = label("ends", left < 1.5, "in this step")
         share = label("share", 1 / left)
@@ -111,7 +115,7 @@ class _Interpolation:
             **{n.replace("desired", "now"): v for n, v in zip(DESIRED, y, strict=True)},
             "age": ca.if_else(changed, 0, ca.if_else(soon, age, self.most)),
             "intervals": intervals,
-            "left": ca.fmax(left - 1, 1.0),
+            "left": ca.if_else(ends, 1, left - 1),
         }
         outputs["wish_ok"] = ca.logic_and(guard.inputs_ok, guard.state_ok)
         outputs["status"] = guard.status(ca.logic_not(ends))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.emit.walker import COMPARING, SELECTING, Kernel
+from esea_gen.emit.walker import COMPARING, SELECTING, Kernel, both_arms
 from esea_gen.language.ports import Port
 
 MOST_WHOLE = 2**32 - 1
@@ -41,8 +41,9 @@ def unsigned_nodes(
             if n.value >= 0 and n.value == np.floor(n.value):
                 least[i] = most[i] = n.value
         elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
-            lows, highs = [least[a] for a in parts], [most[a] for a in parts]
-            if n.op == "select":
+            arms = both_arms(nodes, n)[1:]
+            lows, highs = ([ends[a] for a in arms or parts] for ends in (least, most))
+            if arms or n.op == "select":
                 low, high = min(lows), max(highs)
             elif n.op == "if_else_zero":
                 low, high = 0.0, highs[0]

@@ -202,6 +202,17 @@ def _ordered(kernel: Kernel, order: Sequence[int]) -> Kernel:
     return Kernel(kernel.name, nodes, results)
 
 
+def both_arms(nodes: Sequence[Node], n: Node) -> tuple[int, ...]:
+    """Condition, value if true and value if false of CasADi's two-armed select; else nothing."""
+    for a, b in (n.args, n.args[::-1]) if n.op == "add" else ():
+        x, y = nodes[a], nodes[b]
+        if x.op == y.op == "if_else_zero":
+            (condition, yes), (inverse, no) = x.args, y.args
+            if nodes[inverse] == Node("not", (condition,)):
+                return condition, yes, no
+    return ()
+
+
 def fuse_selects(kernel: Kernel) -> Kernel:
     """Turn CasADi's two-armed select, (c ? a : 0) + (!c ? b : 0), into one select.
 
@@ -210,15 +221,8 @@ def fuse_selects(kernel: Kernel) -> Kernel:
     """
     nodes = list(kernel.nodes)
     for i, n in enumerate(nodes):
-        if n.op != "add":
-            continue
-        for a, b in (n.args, n.args[::-1]):
-            x, y = nodes[a], nodes[b]
-            if x.op == y.op == "if_else_zero":
-                (condition, yes), (inverse, no) = x.args, y.args
-                if nodes[inverse] == Node("not", (condition,)):
-                    nodes[i] = Node("select", (condition, yes, no))
-                    break
+        if args := both_arms(nodes, n):
+            nodes[i] = Node("select", args)
     return prune(Kernel(kernel.name, tuple(nodes), kernel.results))
 
 

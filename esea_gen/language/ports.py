@@ -437,7 +437,7 @@ def in_range(x: ca.SX, low: float, high: float) -> ca.SX:
 def port_ok(x: ca.SX, port: Port) -> ca.SX:
     """Whether a port's value is plausible.
 
-    A scalar or a flag must be inside its range.  For a vector of numbers the sum of magnitudes must
+    A scalar, a flag or a count must be inside its range.  For a vector of numbers the sum of magnitudes must
     be within size times the largest magnitude (and a thousandth, room for rounding): one comparison
     finds any NaN, infinity or blown-up element.
 
@@ -447,7 +447,7 @@ def port_ok(x: ca.SX, port: Port) -> ca.SX:
         The value, ``port.size`` elements.
     port : Port
     """
-    if port.size == 1 or port.kind == "flag":
+    if port.size == 1 or port.kind != "quantity":
         inside = [in_range(e, port.low, port.high) for e in ca.vertsplit(x)]
         return reduce(ca.logic_and, inside)
     total = ca.fabs(x[0])

@@ -276,8 +276,8 @@ def _is_call(x: Expr) -> bool:
 def _widened(x: Expr) -> Expr:
     # C widens a value by itself where the other operand, a parameter or what it becomes is wide; of
     # a sum or a choice it is written, for the operation must not be taken for a wide one.
-    plain = x.op == "cast" and (x.bits, x.args[0].bits) == (64, 32)
-    return x.args[0] if plain and (x.args[0].op in ("read", "ref") or _is_call(x.args[0])) else x
+    (y,) = x.args if x.op == "cast" and x.bits == 64 else (x,)
+    return y if y.bits == 32 and (y.op in ("read", "ref", "cast") or _is_call(y)) else x
 
 
 _C = {
