@@ -292,7 +292,7 @@ class _Writer:
         return lines
 
     def _holds(self, flag: Ref, context: _Context) -> str:
-        whole = self.program.memory[flag.array].kind != "quantity"
+        whole = self.program.memory[flag.array].port.whole
         zero = "0u" if whole else self.fmt.literal(0.0)
         return f"{self.place(flag, 0, context)} != {zero}"
 

@@ -41,16 +41,14 @@ def unsigned_nodes(
             if n.value >= 0 and n.value == np.floor(n.value):
                 least[i] = most[i] = n.value
         elif n.op in (*SELECTING, "add", "sub") and all(a in most for a in parts):
-            arms = both_arms(nodes, n)[1:]
-            lows, highs = ([ends[a] for a in arms or parts] for ends in (least, most))
-            if arms or n.op == "select":
-                low, high = min(lows), max(highs)
-            elif n.op == "if_else_zero":
-                low, high = 0.0, highs[0]
-            elif n.op == "add":
+            arms = both_arms(nodes, n)[1:] or parts
+            lows, highs = ([ends[a] for a in arms] for ends in (least, most))
+            if n.op == "sub":
+                low, high = lows[0] - highs[1], highs[0] - lows[1]
+            elif n.op == "add" and arms == parts:
                 low, high = sum(lows), sum(highs)
             else:
-                low, high = lows[0] - highs[1], highs[0] - lows[1]
+                low, high = min(lows) if len(arms) > 1 else 0.0, max(highs)
             if low >= 0 and high <= MOST_WHOLE:
                 least[i], most[i] = low, high
                 whole |= {i} & {i for a in parts if a in whole}

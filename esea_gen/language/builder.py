@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 
-from esea_gen.language.ports import Kind, Port, port_ok
+from esea_gen.language.ports import Port, port_ok
 from esea_gen.language.statements import (
     EPSILON,
     WORK_RANGE,
@@ -49,19 +50,20 @@ class Builder:
         region: Region = "work",
         meaning: str = "",
         values: Any = None,
-        kind: Kind = "quantity",
-        ends: tuple[float, float] = (-WORK_RANGE, WORK_RANGE),
+        port: Port | None = None,
     ) -> Memory:
         if name in self.memory or size < 1:
             raise ProgramError(f"array {name}: the name is taken or the size {size} is below 1")
-        self.memory[name] = Memory(name, size, region, meaning, values, kind, ends)
+        port = port or Port(name, -WORK_RANGE, WORK_RANGE, f"work: {meaning or name}", size)
+        self.memory[name] = Memory(name, size, region, port, values)
         return self.memory[name]
 
     def flag(self, name: str, meaning: str = "", region: Region = "work") -> Memory:
-        return self.array(name, 1, region, meaning, kind="flag", ends=(0, 1))
+        return self.array(name, 1, region, port=Port.flag(name, f"work: {meaning}"))
 
     def count(self, name: str, high: int, meaning: str, size: int = 1, low: int = 0) -> Memory:
-        return self.array(name, size, meaning=meaning, kind="count", ends=(low, high))
+        port = Port.count(name, high, f"work: {meaning}", size=size, low=low)
+        return self.array(name, size, port=port)
 
     def table(self, name: str, values: Any, meaning: str = "") -> Memory:
         given = values if isinstance(values, Mapping) else dict.fromkeys(EPSILON, values)
@@ -69,10 +71,8 @@ class Builder:
         return self.array(name, len(content["f64"]), "table", meaning, content)
 
     def index_table(self, name: str, values: Sequence[int], meaning: str = "") -> Memory:
-        numbers = tuple(int(v) for v in values)
-        return self.array(
-            name, len(numbers), "index", meaning, numbers, "count", (0, max(1, *numbers))
-        )
+        port = Port.count(name, max(1, *values), meaning, size=len(values))
+        return self.array(name, len(values), "index", values=tuple(map(int, values)), port=port)
 
     @contextmanager
     def part(self, name: str, *params: str, comment: str = "") -> Iterator[tuple[Ix, ...]]:
@@ -196,10 +196,7 @@ def array_name(region: str, port: str) -> str:
 
 def declare_ports(builder: Builder, region: Region, ports: Sequence[Port]) -> dict[str, Memory]:
     return {
-        p.name: builder.array(
-            array_name(region, p.name), p.size, region, p.meaning, None, p.kind, (p.low, p.high)
-        )
-        for p in ports
+        p.name: builder.array(array_name(region, p.name), p.size, region, port=p) for p in ports
     }
 
 
@@ -209,10 +206,8 @@ def guard_inputs(builder: Builder, inputs: Sequence[Port], ok: Memory) -> dict[s
     builder.call("all_ok", [], [ok[:]], lambda: ca.SX(1))
     for p in inputs:
         source = builder.memory[array_name("in", p.name)]
-        guarded = f"guarded: {p.meaning}"
-        ends = (p.low, p.high) if p.kind != "quantity" else source.ends
-        target = builder.array(f"g_{p.name}", p.size, "work", guarded, None, p.kind, ends)
-        held[p.name] = target
+        own = replace(p, name=f"g_{p.name}", meaning=f"work: guarded: {p.meaning}", equation="")
+        held[p.name] = target = builder.array(own.name, p.size, port=own)
 
         def check(x: ca.SX, good: ca.SX, p: Port = p) -> tuple[ca.SX, ca.SX]:
             fine = port_ok(x, p)

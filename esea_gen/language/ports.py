@@ -437,9 +437,9 @@ def in_range(x: ca.SX, low: float, high: float) -> ca.SX:
 def port_ok(x: ca.SX, port: Port) -> ca.SX:
     """Whether a port's value is plausible.
 
-    A scalar, a flag or a count must be inside its range.  For a vector of numbers the sum of magnitudes must
-    be within size times the largest magnitude (and a thousandth, room for rounding): one comparison
-    finds any NaN, infinity or blown-up element.
+    A scalar, a flag or a count must be inside its range.  For a vector of numbers the sum of
+    magnitudes must be within size times the largest magnitude (and a thousandth, room for
+    rounding): one comparison finds any NaN, infinity or blown-up element.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import casadi as ca
 
-from esea_gen.language.ports import Kind, Port
+from esea_gen.language.ports import Port
 
 Region = Literal["coeffs", "state", "in", "out", "work", "local", "table", "index"]
 WORK_RANGE = 3.0e38
@@ -90,15 +90,8 @@ class Memory:
     name: str
     size: int
     region: Region
-    meaning: str = ""
+    port: Port  # what stands in it
     values: Any = None  # tables: content by number format; index tables: the numbers
-    kind: Kind = "quantity"
-    ends: tuple[float, float] = (-WORK_RANGE, WORK_RANGE)
-
-    @property
-    def port(self) -> Port:
-        text = f"work: {self.meaning or self.name}"
-        return Port(self.name.rpartition(".")[2], *self.ends, text, self.size, kind=self.kind)
 
     def __getitem__(self, place: Any) -> Ref:
         """A slice: ``a[i]``, ``a[:]``, ``a[i : n]`` (start, number of elements)."""

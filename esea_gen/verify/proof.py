@@ -75,21 +75,14 @@ def with_conditions(text: str) -> str:
         return text
     known: dict[str, str] = {}
 
-    def spelled(found: re.Match[str]) -> str:
-        name = found[0]
-        return f"({name} && {known[name]})" if name in known else name
-
     def statement(found: re.Match[str]) -> str:
-        kind, name, value = found.groups()
-        *condition, arms = value.partition("?") if "?" in value else ("", "", value)
-        test = re.sub(r"\w+", spelled, condition[0])
-        if kind == "bool" and not condition[0] and "||" not in value:
-            meant = re.sub(r"\w+", spelled, value)
-            if "<=" in meant:
-                known[name] = f"({meant})"
-        return f"const {kind} {name} = {test}{condition[1]}{arms};"
+        kind, name, value, arms = found.groups("")
+        meant = re.sub(r"\w+", lambda word: known.get(word[0], word[0]), value)
+        if kind == "bool" and not arms and "<=" in meant and "||" not in value:
+            known[name] = f"({name} && ({meant}))"
+        return f"const {kind} {name} = {meant}{arms};" if arms else found[0]
 
-    return re.sub(r"const (\w+) (\w+) = ([^;]+);", statement, text)
+    return re.sub(r"const (\w+) (\w+) = ([^;?]+)(\?[^;]+)?;", statement, text)
 
 
 def analysed(
