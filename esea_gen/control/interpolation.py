@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -96,9 +97,7 @@ class _Interpolation:
             ca.if_else(changed, ca.if_else(follows, new, 1), old)
             for new, old in zip([age, *intervals], intervals, strict=False)
         ]
-        longest = intervals[0]
-        for other in intervals[1:]:
-            longest = ca.if_else(longest < other, other, longest)
+        longest = reduce(lambda a, b: ca.if_else(a < b, b, a), intervals)
         left = ca.if_else(changed, longest, s.left)
         left = ca.if_else(u.mode == s.mode_last, left, 1)
         left = label("left", left, "[wish 1] periods of the ramp")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 from functools import cache
 from typing import Any
 
-from esea_gen.emit.walker import Kernel, status_words, use_counts
+from esea_gen.emit.walker import Kernel, both_arms, status_words, use_counts
 from esea_gen.language.block import Block
 from esea_gen.language.names import KEYWORDS
 from esea_gen.language.ports import UNIT_SUFFIXES
@@ -69,7 +69,7 @@ def parts(kernel: Kernel, named: Mapping[int, str]) -> dict[int, str]:
 
 
 def meanings(
-    block: Block,
+    block: Any,
     function: str,
     kernel: Kernel,
     base: Callable[[str], str] = str,
@@ -144,11 +144,8 @@ def _states(block: Block, kernel: Kernel, base: Callable[[str], str]) -> dict[in
             names = {name for a in ends if (name := state(a, "_ok"))}
             if len(names) == 1:
                 found[i] = names.pop()
-        elif n.op == "add":  # (ok ? state : 0) + (!ok ? start : 0)
-            arms = [a for a in n.args if a in found and kernel.nodes[a].op == "if_else_zero"]
-            other = [a for a in n.args if a not in arms]
-            if len(arms) == len(other) == 1 and kernel.nodes[other[0]].op == "if_else_zero":
-                inverse = kernel.nodes[kernel.nodes[other[0]].args[0]]
-                if inverse.op == "not" and inverse.args == kernel.nodes[arms[0]].args[:1]:
-                    found[i] = found.pop(arms[0])
+        elif arms := both_arms(kernel.nodes, n):  # (ok ? state : 0) + (!ok ? start : 0)
+            named = [a for a in n.args if a in found]
+            if len(named) == 1 and kernel.nodes[named[0]].args == arms[:2]:
+                found[i] = found.pop(named[0])
     return found

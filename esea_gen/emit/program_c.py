@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.formats.floating import FloatingFormat, print_kernel
@@ -165,34 +164,20 @@ class _Writer:
 
     def emit(self) -> EmittedProgram:
         program, fmt = self.program, self.fmt
-
-        def access(pointer: str, ports: Sequence[Any]) -> Any:
-            return lambda argument, element: (
-                f"{ports[argument].name}_{element}",
-                f"{pointer}->{ports[argument].name}"
-                + ("" if getattr(ports[argument], "size", 1) == 1 else f"[{element}]"),
-                None,
-            )
-
         prepare = None
         if program.tunables:
-            kernel = fmt.passes(walk(program.prepare))
-            prepare = print_kernel(kernel, fmt, access("params", program.tunables), {})
-        init = print_kernel(
-            fmt.passes(walk(program.init)), fmt, access("coeffs", program.coefficients), {}
-        )
+            prepare = fmt.function(program, "prepare", fmt.passes(walk(program.prepare)))
+        init = fmt.function(program, "init", fmt.passes(walk(program.init)))
         parts = tuple(self._part(p) for p in self._ordered())
         tables = []
         for m in program.memory.values():
-            if m.name not in self.used:
-                continue
-            name = f"{self.stem}_{m.name}"
-            if m.region == "table":
-                literals = tuple(fmt.literal(v) for v in m.values[fmt.name])
-                tables.append((fmt.c_type, name, literals))
-            elif m.region == "index":
-                c_type = "uint8_t" if max(m.values) < 256 else "uint16_t"
-                tables.append((c_type, name, tuple(f"{v}u" for v in m.values)))
+            if m.name in self.used:
+                c_type, literals = fmt.c_type, tuple(f"{v}u" for v in m.values)
+                if m.region == "table":
+                    literals = tuple(map(fmt.literal, m.values[fmt.name]))
+                else:
+                    c_type = "uint8_t" if max(m.values) < 256 else "uint16_t"
+                tables.append((c_type, f"{self.stem}_{m.name}", literals))
         return EmittedProgram(program, prepare, init, parts, tuple(tables), tuple(self.loops))
 
     def _ordered(self) -> list[Part]:

@@ -219,10 +219,8 @@ def fuse_selects(kernel: Kernel) -> Kernel:
     Saves an addition and a test.  The value is the same but for the sign of a zero, so the f64
     format, which must equal CasADi's own C bit for bit, does not use it.
     """
-    nodes = list(kernel.nodes)
-    for i, n in enumerate(nodes):
-        if args := both_arms(nodes, n):
-            nodes[i] = Node("select", args)
+    arms = (both_arms(kernel.nodes, n) for n in kernel.nodes)
+    nodes = (Node("select", a) if a else n for a, n in zip(arms, kernel.nodes, strict=True))
     return prune(Kernel(kernel.name, tuple(nodes), kernel.results))
 
 

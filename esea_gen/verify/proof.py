@@ -67,9 +67,8 @@ def prove_block(
 def with_conditions(text: str) -> str:
     """A Block's C in which a flag that chooses stands beside what it is the name of.
 
-    The value analysis learns a value's range from a comparison where it is chosen, and not from a
-    flag that holds the comparison's result.  Both are constants of one run, so that the program is
-    the same.
+    The value analysis learns a range from a comparison, not from a flag that holds its result.
+    Both are constants of one run, so that the program is the same.
     """
     if "templates/device/esea_block.c.j2" not in text:
         return text

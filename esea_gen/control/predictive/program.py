@@ -355,9 +355,9 @@ class _Writer:
         fine = b.flag("fine", "1 when the plan can be used")
         b.call("usable", [valid[0], qp.convex[0]], [fine[0]], ca.logic_and)
         self.each("plan_fine", [qp.x, fine[0]], [fine[0]], _and_inside)
-        acts = b.flag("acts", region="local")
-        b.call("acts", [fine[0]], [acts[0]], same)
+        acts = fine
         if m.enable:
+            acts = b.flag("acts", region="local")
             b.call(
                 "enabled",
                 [fine[0], self.guarded[m.enable][0]],

@@ -57,6 +57,8 @@ class StopRollout:
         self.t_let = b.table("stop_let", let, "what is let go")
         # Inputs that can matter at the end of substep t: those of intervals begun before it.
         self.columns = b.index_table("columns", active, "active inputs")
+        # A loop's index that a kernel can store.
+        self.number = b.index_table("number", range(steps + 1), "whole numbers")
 
     def write(self) -> None:
         """The parts; ``roll`` with the number of the substep is one step of all operators."""
@@ -97,7 +99,7 @@ class StopRollout:
             b.call(
                 "push",
                 [
-                    *(self.t_let[tied], self.tied[0], self.substep_number[t]),
+                    *(self.t_let[tied], self.tied[0], self.number[t]),
                     *(self.groups[0], self.sense[0]),
                 ],
                 [
@@ -207,14 +209,6 @@ class StopRollout:
                 lambda end, start: end - start,
             )
             b.invoke("lose", self.group_since.at(groups - 1))
-
-    @property
-    def substep_number(self) -> Memory:
-        """Table of whole numbers: a loop's index that a kernel can store."""
-        name = "number"
-        if name not in self.b.memory:
-            self.b.index_table(name, range(self.steps + 1), "whole numbers")
-        return self.b.memory[name]
 
     def sensitivity(self, t: Ix, j: Ix) -> Ref:
         """Where the deflection's sensitivity to an input goes at the end of a substep."""

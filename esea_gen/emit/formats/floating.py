@@ -97,7 +97,7 @@ class FloatingFormat(Format):
 
     def function(
         self,
-        block: Block,
+        block: Any,  # a Block, or a Program but for its step
         function: str,
         kernel: Kernel,
         names: dict[int, tuple[str, str]] | None = None,
