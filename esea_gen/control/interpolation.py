@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import casadi as ca
@@ -56,16 +56,14 @@ class _Interpolation:
                 around(f"omega_{end}_rad_s", drive.omega_rad_s, f"{text}rate of the joint"),
             )
 
-        def periods(name: str, text: str, **named: Any) -> Port:
-            return Port.count(name, self.most, text, low=1, init=1, **named)
-
+        periods = partial(Port.count, high=self.most, low=1, init=1)
         self.state = (
             Port.choice("mode_last", Mode, "mode of the last step"),
             *desired("last", "as received: desired "),
             *desired("now", "interpolated: desired "),
             Port.count("age", self.most, "periods since the last change", init=self.most),
-            periods("intervals", "last intervals, newest first", size=INTERVALS),
-            periods("left", "periods until the ramp ends"),
+            periods("intervals", meaning="last intervals, newest first", size=INTERVALS),
+            periods("left", meaning="periods until the ramp ends"),
         )
         self.inputs = (
             Port.choice("mode", Mode, "wanted mode"),

@@ -57,8 +57,7 @@ class StopRollout:
         self.t_let = b.table("stop_let", let, "what is let go")
         # Inputs that can matter at the end of substep t: those of intervals begun before it.
         self.columns = b.index_table("columns", active, "active inputs")
-        # A loop's index that a kernel can store.
-        self.number = b.index_table("number", range(steps + 1), "whole numbers")
+        self.number = b.index_table("number", range(steps + 1), "an index, for a kernel")
 
     def write(self) -> None:
         """The parts; ``roll`` with the number of the substep is one step of all operators."""

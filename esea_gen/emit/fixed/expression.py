@@ -187,7 +187,6 @@ def clamp(x: Expr, low: int, high: int) -> Expr:
 
 
 def saturate(x: Expr) -> Expr:
-    """The nearest of 32 bits."""
     if x.bits == 64 and x.low < INT32[0] and x.high > INT32[1]:
         return Expr("saturate", (x,), 32, *INT32)
     return cast(clamp(x, *INT32), 32)
