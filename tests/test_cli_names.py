@@ -19,6 +19,7 @@ from esea_gen import load_device
 from esea_gen.analysis.plots import new_figure, save
 from esea_gen.cli import main, names
 from esea_gen.cli.app import app
+from esea_gen.cli.groups import registered
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Reproduction, Study, studies
@@ -85,12 +86,11 @@ def test_help_loads_no_engine(args):
 @pytest.mark.parametrize("program", [esea_gen, esea_host])
 def test_every_command_has_a_home_and_every_file_of_commands_is_in_it(program):
     package = f"{program.__name__}.cli"
-    root = import_module(f"{package}.app").app
-    command = typer.main.get_command(root)
+    command = typer.main.get_command(import_module(f"{package}.app").app)
     for path in Path(program.__file__).parent.glob("cli/[a-z]*.py"):
         import_module(f"{package}.{path.stem}")
-    written = {c.name or c.callback.__name__ for c in root.registered_commands}
-    written |= {g.name for g in root.registered_groups}
+    commands, groups = registered(package)
+    written = {c.name or c.callback.__name__ for c in commands} | {g.name for g in groups}
     assert written == set(command.commands)
     assert all(command.commands[n].name == n for n in written)
 

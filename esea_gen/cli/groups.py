@@ -89,17 +89,33 @@ class _Commands(MutableMapping[str, Any]):
 
 @cache
 def _command(package: str, name: str, homes: str) -> Any:
-    app = import_module(f"{package}.app").app
     for home in homes.split():
         import_module(f"{package}.{home}")
+    commands, groups = registered(package)
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.callback()(lambda: None)
-    for c in app.registered_commands:
-        if (c.name or getattr(c.callback, "__name__", "")) == name:
-            alone.registered_commands.append(c)
-    alone.registered_groups += [g for g in app.registered_groups if g.name == name]
+    alone.registered_commands += [
+        c for c in commands if (c.name or getattr(c.callback, "__name__", "")) == name
+    ]
+    alone.registered_groups += [g for g in groups if g.name == name]
     group: Any = typer.main.get_command(alone)
     return _with_checked_numbers(group.commands[name])
+
+
+_REGISTERED: dict[str, tuple[list[Any], list[Any]]] = {}
+
+
+def registered(package: str) -> tuple[list[Any], list[Any]]:
+    """Commands and groups that the loaded files of a package have registered.
+
+    They leave the application: at each run typer builds all that it has.
+    """
+    app = import_module(f"{package}.app").app
+    commands, groups = _REGISTERED.setdefault(package, ([], []))
+    commands += app.registered_commands
+    groups += app.registered_groups
+    app.registered_commands, app.registered_groups = [], []
+    return commands, groups
 
 
 # typer takes 1_0 for ten, full-width digits and inf.

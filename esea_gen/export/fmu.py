@@ -30,7 +30,7 @@ Version = Literal["2", "3"]
 MANIFEST = "extra/org.esea-gen/manifest.json"
 DESCRIPTION = "modelDescription.xml"
 # Only what FMI names is seen from outside; no table of symbols, which would name scratch files.
-_FLAGS = ("-fvisibility=hidden", "-s")
+_FLAGS = ("-O2", "-fvisibility=hidden", "-s")
 # In a library of its own every function has its plain name.
 _PLAIN = "-DFMI3_OVERRIDE_FUNCTION_PREFIX"
 MOST_BYTES = 1 << 26  # of what is checked, unpacked

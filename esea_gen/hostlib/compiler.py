@@ -22,7 +22,8 @@ from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
 from esea_gen.targets import EXACT_FLAGS, HOST_GCC, Toolchain, this_platform
 
-CFLAGS = (*EXACT_FLAGS, "-fPIC")
+# The bits of -O2 in half the time; where runs are timed, -O2 follows.
+CFLAGS = (*EXACT_FLAGS, "-O1", "-fPIC")
 
 
 def find_compiler(name: str, package: str) -> str:

@@ -80,7 +80,7 @@ def daqp(folder: Path, real: str, problems: list[tuple[Array, Array]]) -> Callab
     c_type = "double" if real == "f64" else "float"
     loop = LOOP.replace("double", c_type).replace('"api.h"', '"api.h"\n#include "utils.h"')
     files = {p.name: p.read_text(encoding="utf-8") for p in sources} | {"loop.c": loop}
-    flags = ("-DDAQP_SINGLE_PRECISION",) if real == "f32" else ()
+    flags = ("-O2", *["-DDAQP_SINGLE_PRECISION"] * (real == "f32"))
     ffi = cffi.FFI()
     ffi.cdef(f"int daqp_loop(int, int, {', '.join([f'{c_type} *'] * 5)});")
     library: Any = ffi.dlopen(str(compile_sources(files, flags, ("-lm",))))
@@ -101,7 +101,7 @@ def daqp(folder: Path, real: str, problems: list[tuple[Array, Array]]) -> Callab
 
 def ours(real: str, inputs: dict[str, Array], n: int) -> Callable[[], Array]:
     renderer = render_program(box_qp(n), real)
-    library = HostLibrary(renderer.system, renderer)
+    library = HostLibrary(renderer.system, renderer, ("-O2",))
     runner = library.block("box_qp")
     packed = runner.pack(inputs)
     out = np.zeros(len(packed), library.dtype(f"{runner.stem}_out_t"))

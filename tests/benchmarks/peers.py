@@ -29,7 +29,7 @@ from esea_gen.model.elastomer import stop_grid
 from .step_count import stream_program
 
 # A call from one file to another is direct, as in a program, not through a loader's table.
-LIBRARY_FLAGS = ("-fvisibility=hidden",)
+LIBRARY_FLAGS = ("-O2", "-fvisibility=hidden")
 CASADI, CASADI_FLOAT = "CasADi C (f64)", "CasADi C (casadi_real=float)"
 MEASURE_S = 0.0015  # one measurement; long against the clock, short against what else runs
 

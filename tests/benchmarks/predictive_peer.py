@@ -146,7 +146,7 @@ def step_times(controller: str, steps: int = 200, rounds: int = 25) -> dict[str,
     size = 0
     for real in ("f64", "f32"):
         renderer = render_program(program, real)
-        runner = HostLibrary(renderer.system, renderer).block(program.name)
+        runner = HostLibrary(renderer.system, renderer, ("-O2",)).block(program.name)
         runs["ours", real] = lambda runner=runner: runner.run(stream, trace=False)
         run, size = _peer(flat, rows, coefficients, n, real)
         runs["peer", real] = run
@@ -192,7 +192,7 @@ void peer_run(const real *rows, const real *coefficients, const real *plan, real
 }}
 """
     text = re.sub(r"#include <math.h>\n", f"#include <math.h>\n{math}", text)
-    path = compile_sources({"flat.c": text, "loop.c": loop}, link=("-lm",))
+    path = compile_sources({"flat.c": text, "loop.c": loop}, ("-O2",), ("-lm",))
     ffi = cffi.FFI()
     ffi.cdef(
         f"void peer_run(const {c_type} *, const {c_type} *, const {c_type} *, {c_type} *, int);"

@@ -38,9 +38,25 @@ def warm(**changed: float) -> Device:
 
 
 @cache
-def library(real: str, **changed: float) -> HostLibrary:
+def library(real: str) -> HostLibrary:
     require_tool("gcc")
-    return compile_device(warm(**changed), real)
+    return compile_device(warm(), real)
+
+
+@pytest.fixture(scope="module")
+def given(drive):
+    """Inputs of the drive in closed loop: how warm it is changes none of them."""
+    return record_drive(drive, 400).inputs
+
+
+def board_at(real: str, node_C: float):
+    """A board whose motor has this temperature throughout."""
+    board = library(real).board()
+    for field in library(real).block("motor_temperature").state_fields:
+        if field.name in NODES:
+            number = np.asarray(field.encode(node_C)).item()
+            setattr(board.state.motor_temperature, field.name, number)
+    return board
 
 
 def warmed(real: str, u_Nm: np.ndarray, state=None, measured_C=0.0) -> dict[str, np.ndarray]:
@@ -110,8 +126,9 @@ def test_after_a_start_it_is_never_cooler_than_a_motor_that_went_on(real):
 @pytest.mark.parametrize(("real", "sign"), [("f32", 1.0), ("f32", -1.0), ("q31", 1.0)])
 def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     """Closed over its own limit; the torque falls without a jump."""
-    runner = library(real, start_C=40.0).block("motor_temperature")
+    runner = library(real).block("motor_temperature")
     runner.reset()
+    runner.put_state(dict.fromkeys(NODES, 40.0))
     left, winding = [U_MAX], []
     for _ in range(36_000):
         y, _ = runner.run(
@@ -135,10 +152,9 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
         *((x, 120.0, Fault.NONE) for x in (np.nan, np.inf, 999.0, -999.0)),
     ],
 )
-def test_a_hot_winding_takes_the_torque_and_then_latches(real, measured, winding, fault):
+def test_a_hot_winding_takes_the_torque_and_then_latches(real, given, measured, winding, fault):
     """The drive measures it; what no sensor of a winding reads changes nothing."""
-    given = record_drive(warm(start_C=40.0), 400).inputs
-    board, rows = library(real, start_C=120.0).board(), []
+    board, rows = board_at(real, 120.0), []
     for tick in range(280):
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
@@ -176,6 +192,11 @@ def test_the_emitted_c_is_the_model_and_every_branch_is_taken():
     block = device.system.blocks["motor_temperature"]
     tried = [*streams(block), at_the_limits(block, np.dtype(np.float32))]
     assert branch_coverage(block, tried, library("f32")).uncovered == []
+
+
+def test_both_nodes_start_where_the_section_says():
+    state = warm(start_C=42.0).system.blocks["motor_temperature"].state
+    assert {p.name: p.init for p in state if p.name in NODES} == dict.fromkeys(NODES, 42.0)
 
 
 def test_a_section_that_makes_no_sense_is_refused():
