@@ -10,7 +10,7 @@ STAMP := .venv/.stamp
 # test compiles the package anew, and each worker every assertion, a quarter of the whole.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo run test search fuzz docs figures bench test-ci test-platforms test-slow proof style check setup setup-run clean
+.PHONY: demo run test pytest search fuzz docs figures bench test-ci test-platforms test-slow proof style check setup setup-run clean
 
 demo:
 	@sh .ci/setup "$(PYTHON)" demo
@@ -29,8 +29,11 @@ run: setup-run
 	@echo "$(OUT)/demo.png (the controlled elbow on a simulated board, recorded in $(OUT)/demo.mcap and replayed to the bit),"
 	@echo "$(OUT)/wrist.png (the display of a simulated wrist, constrained and normalised, recorded in $(OUT)/wrist.mcap)."
 
+# The type checker is one process: beside the tests, so that no core waits for it.
 test: setup
-	@$(MAKE) --no-print-directory -j 2 style check
+	@$(MAKE) --no-print-directory -j 3 style check pytest
+
+pytest: setup
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Other examples at each run; SEED=n repeats one, TESTS=tests/twin/test_plant.py narrows it.

@@ -246,6 +246,7 @@ BOARDS = {
             PROCESSORS["host"],
             "",
             flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
+            app_flags=("-O1",),  # compiled sooner
             link=("-shared",),
         ),
         Board(
@@ -256,6 +257,7 @@ BOARDS = {
             family="sim",
             real="q31",
             flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
+            app_flags=("-O1",),  # compiled sooner
             link=("-shared",),
         ),
         Board(
