@@ -17,6 +17,7 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.segments import MovementEvent, MovementVerdict
 from esea_host.assess.session import WORDS
 from esea_host.windows.assess_plots import MovementLoop
+from esea_host.windows.bar import restyle
 from esea_host.windows.frame import column_of, labelled, push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.theme import Theme, plain_label
@@ -170,8 +171,8 @@ class BoardPanel(QWidget):
     def draw(self, attempt: MovementVerdict | None) -> None:
         board = self.board
         limits = board.watch.comfort
-        rows = np.array([r for r in board.rows if self._from_s <= r[0] <= self._to_s])
-        rows = rows[::10] if len(rows) else np.zeros((0, 4))
+        seen = [r for r in board.rows if self._from_s <= r[0] <= self._to_s]
+        rows = np.array(seen[::10]).reshape(-1, 4)
         now = board.rows[-1] if board.rows else (0.0, np.nan, np.nan, np.nan)
         self.loop.draw(rows[:, 1] / DEG, rows[:, 3], (now[1] / DEG, now[3]), limits)
         trouble = board.trouble()
@@ -185,15 +186,16 @@ class BoardPanel(QWidget):
         )
         for label, text, alarming in zip(self.numbers, shown, over, strict=True):
             label.setText(f"<b>{text}</b>")
-            label.setStyleSheet(f"color: {self.theme.alarm if alarming else self.theme.ink}")
+            restyle(label, f"color: {self.theme.alarm if alarming else self.theme.ink}")
         warned = time.monotonic() - self._warned_s < WARNED_S
         ground = self.theme.alarm if warned else "transparent"
-        self.warning.setStyleSheet(
+        restyle(
+            self.warning,
             f"background: {ground}; color: {'white' if warned else 'transparent'};"
-            " font-size: 15px; font-weight: bold; padding: 3px; border-radius: 4px"
+            " font-size: 15px; font-weight: bold; padding: 3px; border-radius: 4px",
         )
         ready = "Make the movement shown; it is judged when the leg is at rest again."
         self.verdict.setText(trouble or (attempt.text if attempt else ready))
         alarming = bool(trouble) or (attempt is not None and not attempt.passed)
         good = self.theme.good if attempt is not None else self.theme.soft
-        self.verdict.setStyleSheet(f"color: {self.theme.alarm if alarming else good}")
+        restyle(self.verdict, f"color: {self.theme.alarm if alarming else good}")
