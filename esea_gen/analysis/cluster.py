@@ -79,7 +79,7 @@ def _probe(address: str) -> None:
     from distributed.core import rpc
 
     async def ask() -> Any:
-        async with rpc(address, timeout=CONNECT_S) as server:  # type: ignore[no-untyped-call]
+        async with rpc(address, timeout=CONNECT_S) as server:
             return await server.identity()
 
     async def bounded() -> Any:
@@ -137,9 +137,7 @@ def connected(address: str) -> Iterator[Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", distributed.versions.VersionMismatchWarning)
-            client = distributed.Client(  # type: ignore[no-untyped-call]
-                address, timeout=CONNECT_S, set_as_default=False
-            )
+            client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
         with client:
             _check(client, address)
             yield client
@@ -168,7 +166,7 @@ def run_on(
     fit = functools.partial(_fit, work, expected=machine())
     futures = client.map(fit, list(cases), pure=False)
     try:
-        ended = distributed.as_completed(futures, loop=client.loop)  # type: ignore[no-untyped-call]
+        ended = distributed.as_completed(futures, loop=client.loop)
         for future in ended:
             try:
                 result = future.result()

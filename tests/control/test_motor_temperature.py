@@ -20,7 +20,7 @@ from tests.devices.test_device import own
 
 # Order of a motor of the elbow's size; no data sheet's.
 R_WC, R_CA, C_W, C_C, R, K_T, PER_K = 1.5, 4.0, 13.0, 225.0, 0.4, 0.037, 3.93e-3
-AMBIENT, DERATE, MAX = 40.0, 110.0, 125.0
+AMBIENT, DERATE, START, MAX = 40.0, 110.0, 120.0, 125.0
 SHEET = {"k_t_Nm_A": K_T, "resistance_Ohm": R, "winding_case_K_W": R_WC, "case_ambient_K_W": R_CA,
              "winding_s": C_W * R_WC, "case_s": C_C * R_CA,
              "ambient_C": AMBIENT, "derate_C": DERATE, "max_C": MAX}  # fmt: skip
@@ -40,23 +40,7 @@ def warm(**changed: float) -> Device:
 @cache
 def library(real: str) -> HostLibrary:
     require_tool("gcc")
-    return compile_device(warm(), real)
-
-
-@pytest.fixture(scope="module")
-def given(drive):
-    """Inputs of the drive in closed loop: how warm it is changes none of them."""
-    return record_drive(drive, 400).inputs
-
-
-def board_at(real: str, node_C: float):
-    """A board whose motor has this temperature throughout."""
-    board = library(real).board()
-    for field in library(real).block("motor_temperature").state_fields:
-        if field.name in NODES:
-            number = np.asarray(field.encode(node_C)).item()
-            setattr(board.state.motor_temperature, field.name, number)
-    return board
+    return compile_device(warm(start_C=START), real)
 
 
 def warmed(real: str, u_Nm: np.ndarray, state=None, measured_C=0.0) -> dict[str, np.ndarray]:
@@ -111,11 +95,12 @@ def test_a_day_of_sessions_keeps_the_energy(real):
 def test_after_a_start_it_is_never_cooler_than_a_motor_that_went_on(real):
     """Whatever was before and whatever follows: the model that knows nothing is the warmer one."""
     rng, steps = np.random.default_rng(7), 60_000
+    unknown = [p.init for p in warm().system.blocks["motor_temperature"].state[: len(NODES)]]
     for _ in range(8):
         winding = rng.uniform(40, MAX)
         case = rng.uniform(40, min(winding, 40 + (MAX - 40) * R_CA / (R_CA + R_WC)))
         u = np.repeat(rng.uniform(-0.15, 0.15, 30), steps // 30)
-        fresh, went_on = warmed(real, u), warmed(real, u, (winding, case))
+        fresh, went_on = warmed(real, u, unknown), warmed(real, u, (winding, case))
         assert all(np.all(fresh[n] >= went_on[n] - 1e-4) for n in NODES)
         assert np.all(fresh["u_thermal_Nm"] <= went_on["u_thermal_Nm"] + 1e-6)
         told = warmed(real, u, (winding, case), measured_C=rng.uniform(-60, 150))
@@ -127,7 +112,6 @@ def test_after_a_start_it_is_never_cooler_than_a_motor_that_went_on(real):
 def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     """Closed over its own limit; the torque falls without a jump."""
     runner = library(real).block("motor_temperature")
-    runner.reset()
     runner.put_state(dict.fromkeys(NODES, 40.0))
     left, winding = [U_MAX], []
     for _ in range(36_000):
@@ -149,12 +133,13 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     [
         (124.5, 124.5, Fault.NONE),
         (126.0, 126.0, Fault.MOTOR_HOT),
-        *((x, 120.0, Fault.NONE) for x in (np.nan, np.inf, 999.0, -999.0)),
+        *((x, START, Fault.NONE) for x in (np.nan, np.inf, 999.0, -999.0)),
     ],
 )
-def test_a_hot_winding_takes_the_torque_and_then_latches(real, given, measured, winding, fault):
+def test_a_hot_winding_takes_the_torque_and_then_latches(real, drive, measured, winding, fault):
     """The drive measures it; what no sensor of a winding reads changes nothing."""
-    board, rows = board_at(real, 120.0), []
+    given = record_drive(drive, 400).inputs
+    board, rows = library(real).board(), []
     for tick in range(280):
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
@@ -165,7 +150,7 @@ def test_a_hot_winding_takes_the_torque_and_then_latches(real, given, measured, 
     u, faults = np.array(rows).T
     share = 0.0 if fault else 0.05 + 0.95 * (MAX - winding) / (MAX - DERATE)
     most, later = np.max(u[150:176]), np.max(u[230:])
-    assert winding == 120 or most > 1.2 * share * U_MAX
+    assert winding == START or most > 1.2 * share * U_MAX
     assert later <= 1.02 * share * U_MAX
     assert later >= 0.9 * share * U_MAX
     assert np.all(faults[230:] == fault)
@@ -187,16 +172,11 @@ def test_one_wild_reading_warms_by_half_a_kelvin_and_a_real_rise_is_followed(rea
 
 @pytest.mark.ci
 def test_the_emitted_c_is_the_model_and_every_branch_is_taken():
-    device = warm()
+    device = warm(start_C=START)
     assert verify(device, blocks=["motor_temperature", "limits"]).passed
     block = device.system.blocks["motor_temperature"]
     tried = [*streams(block), at_the_limits(block, np.dtype(np.float32))]
     assert branch_coverage(block, tried, library("f32")).uncovered == []
-
-
-def test_both_nodes_start_where_the_section_says():
-    state = warm(start_C=42.0).system.blocks["motor_temperature"].state
-    assert {p.name: p.init for p in state if p.name in NODES} == dict.fromkeys(NODES, 42.0)
 
 
 def test_a_section_that_makes_no_sense_is_refused():
