@@ -240,25 +240,19 @@ BOARDS = {
             app_flags=("-D_GNU_SOURCE",),
             link=("-static",),
         ),
-        Board(
-            "sim",
-            "this computer, a library that a program clocks",
-            PROCESSORS["host"],
-            "",
-            flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
-            app_flags=("-O1",),  # compiled sooner
-            link=("-shared",),
-        ),
-        Board(
-            "sim-q31",
-            "as sim, the control in whole numbers",
-            PROCESSORS["host"],
-            "",
-            family="sim",
-            real="q31",
-            flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
-            app_flags=("-O1",),  # compiled sooner
-            link=("-shared",),
+        *(
+            Board(
+                *(name, title, PROCESSORS["host"], ""),
+                family="sim",
+                real=real,
+                flags=("-fPIC", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"),
+                app_flags=("-O1",),  # compiled sooner
+                link=("-shared",),
+            )
+            for name, title, real in (
+                ("sim", "this computer, a library that a program clocks", "f32"),
+                ("sim-q31", "as sim, the control in whole numbers", "q31"),
+            )
         ),
         Board(
             "microbit",

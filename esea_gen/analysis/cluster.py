@@ -79,16 +79,13 @@ def _probe(address: str) -> None:
     from distributed.core import rpc
 
     async def ask() -> Any:
-        async with rpc(address, timeout=CONNECT_S) as server:
+        async with asyncio.timeout(CONNECT_S), rpc(address, timeout=CONNECT_S) as server:
             return await server.identity()
-
-    async def bounded() -> Any:
-        return await asyncio.wait_for(ask(), CONNECT_S)
 
     try:
         # In a thread of its own, since a notebook has a loop that runs.
         with ThreadPoolExecutor(1) as pool:
-            said = pool.submit(asyncio.run, bounded()).result()
+            said = pool.submit(asyncio.run, ask()).result()
         if said["type"] != "Scheduler":
             raise TypeError(f"a {said['type'].lower()} answers there")
     except Exception as error:

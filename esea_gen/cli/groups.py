@@ -6,6 +6,7 @@ Completion and help must answer at once, and the imports of the commands take se
 from __future__ import annotations
 
 import ast
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from functools import cache, partial
 from importlib import import_module
@@ -91,31 +92,27 @@ class _Commands(MutableMapping[str, Any]):
 def _command(package: str, name: str, homes: str) -> Any:
     for home in homes.split():
         import_module(f"{package}.{home}")
-    commands, groups = registered(package)
+    known = registered(package)
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
     alone.callback()(lambda: None)
-    alone.registered_commands += [
-        c for c in commands if (c.name or getattr(c.callback, "__name__", "")) == name
-    ]
-    alone.registered_groups += [g for g in groups if g.name == name]
+    for c in known.registered_commands:
+        if (c.name or getattr(c.callback, "__name__", "")) == name:
+            alone.registered_commands.append(c)
+    alone.registered_groups += [g for g in known.registered_groups if g.name == name]
     group: Any = typer.main.get_command(alone)
     return _with_checked_numbers(group.commands[name])
 
 
-_REGISTERED: dict[str, tuple[list[Any], list[Any]]] = {}
+_REGISTERED: defaultdict[str, typer.Typer] = defaultdict(typer.Typer)
 
 
-def registered(package: str) -> tuple[list[Any], list[Any]]:
-    """Commands and groups that the loaded files of a package have registered.
-
-    They leave the application: at each run typer builds all that it has.
-    """
-    app = import_module(f"{package}.app").app
-    commands, groups = _REGISTERED.setdefault(package, ([], []))
-    commands += app.registered_commands
-    groups += app.registered_groups
-    app.registered_commands, app.registered_groups = [], []
-    return commands, groups
+def registered(package: str) -> typer.Typer:
+    """Take commands from the application, of which typer builds at each run all that it has."""
+    app, taken = import_module(f"{package}.app").app, _REGISTERED[package]
+    for kind in ("registered_commands", "registered_groups"):
+        getattr(taken, kind).extend(getattr(app, kind))
+        getattr(app, kind).clear()
+    return taken
 
 
 # typer takes 1_0 for ten, full-width digits and inf.
