@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -37,7 +37,7 @@ class GroupedCommands(TyperGroup):
     groups: ClassVar[Mapping[str, Mapping[str, str]]]
 
     @property
-    def commands(self) -> MutableMapping[str, Any]:
+    def commands(self) -> Any:
         return _Commands(self.package, self._homes())
 
     @commands.setter
@@ -66,7 +66,7 @@ class GroupedCommands(TyperGroup):
         return " ".join(words.split("\n\n")[0].split()).partition(". ")[0].rstrip(".") + "."
 
 
-class _Commands(MutableMapping[str, Any]):
+class _Commands(Mapping[str, Any]):
     # What is typed is loaded, and nothing else.
 
     def __init__(self, package: str, homes: Mapping[str, str]) -> None:
@@ -80,12 +80,6 @@ class _Commands(MutableMapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._homes)
-
-    def __setitem__(self, name: str, command: Any) -> None:
-        raise TypeError(name)
-
-    def __delitem__(self, name: str) -> None:
-        raise TypeError(name)
 
 
 @cache
