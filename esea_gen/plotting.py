@@ -69,7 +69,7 @@ STYLE: Any = {
 
 
 def svg(figure: Figure, name: str, alternative: str) -> Markup:
-    """A figure as it stands in a page: the same bytes for the same figure."""
+    """A figure as SVG for a page: the same bytes for the same figure."""
     buffer = io.StringIO()
     named = _name_parts(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
@@ -100,7 +100,7 @@ def svg(figure: Figure, name: str, alternative: str) -> Markup:
 
 
 def _name_parts(figure: Figure) -> list[tuple[Artist, Callable[[], str]]]:
-    """Ids for what moves when a reader zooms, and what `zoom.js` has to know of each part.
+    """Ids for elements that move with zoom, and facts about each part for `zoom.js`.
 
     The facts are asked for after drawing: only then does the layout stand.
     """

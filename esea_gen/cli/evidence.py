@@ -262,7 +262,7 @@ def ranges(
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:
-    """Fixed point: range, format, headroom and proven error of every value, and what to do."""
+    """Fixed point: range, format, headroom and proven error of every value, and the remedies."""
     from esea_gen.emit.fixed.report import range_report
 
     loaded = esea_gen.load_device(device, controller)

@@ -57,7 +57,7 @@ class FloatRounding(Rounding):
         return x
 
     def exponent_error(self, exponent: float) -> float:
-        """Of the integer that stands for it in f32."""
+        """Error of the integer that represents it in f32."""
         if self.fmt.needs_libm:
             return 0.0
         return abs(exponent_q27(exponent) * 2.0**-EXPONENT_FRACTION_BITS - exponent)
@@ -168,7 +168,7 @@ def node_errors(block: Block, fmt: Format) -> tuple[Kernel, list[float]]:
 
 
 def whole_nodes(block: Block, kernel: Kernel, fmt: Format) -> frozenset[int]:
-    """Values of a step that are whole numbers, as long as what counts is given whole numbers.
+    """Values of a step that are integers if all counts are integers.
 
     return: nodes of ``kernel``; empty when the analysis finds no finite range for one.
     """

@@ -71,5 +71,5 @@ class Naming:
         return text
 
     def stored(self, external: External, value: Any) -> npt.NDArray[Any]:
-        """The field's number, for a value in units that one stands for exactly."""
+        """Number in the field, for a value in units with an exact representation."""
         return np.asarray(value, np.uint32 if external.port.whole else self.dtype)

@@ -132,7 +132,7 @@ def versions() -> dict[str, str]:
 
 
 def identity(prefix: str, fmt: Format, digest: str) -> str:
-    """The symbol that stands for one text of the C: by device, number format and content hash."""
+    """Symbol of one text of the C: by device, number format and content hash."""
     return f"{prefix}_{fmt.name}_{digest}".rstrip("_-")
 
 

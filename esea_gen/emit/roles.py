@@ -77,7 +77,7 @@ def every_tick(system: System) -> tuple[Task, ...]:
 
 
 def board_roles(system: System) -> BoardRoles:
-    """Roles of a System's inputs; with a motor all but counts and frame words are wanted.
+    """Roles of a System's inputs; with a motor all but counts and frame words are commands.
 
     Without one only ``stop`` is, which the board itself gives to whatever limits there are.
     """

@@ -223,7 +223,7 @@ class Block(Component):
 
     @classmethod
     def of(cls, parts: Any, **more: Any) -> Block:
-        """Build a Block from an object that has what :meth:`define` takes, under the same names.
+        """Build a Block from an object whose attributes are the arguments of :meth:`define`.
 
         Parameters
         ----------

@@ -60,7 +60,7 @@ class Component(ABC):
         return {t.name: t.default for t in self.tunables}
 
     def taken_tunables(self, given: Mapping[str, float] | None) -> dict[str, float]:
-        """Every tunable as it is set: the defaults, and in their place what is given."""
+        """Value of every tunable: the defaults, replaced by the supplied values."""
         values = self.default_tunables()
         known = {t.name: t for t in self.tunables}
         for key, value in (given or {}).items():

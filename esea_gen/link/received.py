@@ -9,7 +9,7 @@ _CONTROL = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")  # with ESC and what turns
 
 
 def shown(text: str, most: int = MOST_LETTERS) -> str:
-    """Text on one line, without what moves a terminal's cursor or hides letters."""
+    """Text on one line, without characters that move the cursor or hide letters."""
     return shown_lines(text[: most + 1].replace("\n", " ").replace("\t", " "), most)
 
 

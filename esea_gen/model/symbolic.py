@@ -85,7 +85,7 @@ def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equ
 
 @cache
 def equations(rows: str, **known: sp.Expr) -> tuple[Equation, ...]:
-    """Equations, one a line: ``number | left side | formula | what it says``.
+    """Equations, one a line: ``number | left side | formula | meaning``.
 
     A formula that is a name in ``known`` is that expression: the one that is evaluated.
     """

@@ -49,7 +49,7 @@ def table_of(
     form: TableFormat,
     digest: str,
 ) -> FileTable:
-    """Equally long vectors of a file's content as a table, the wanted ones or all."""
+    """Equally long vectors of a file's content as a table, the requested ones or all."""
     sizes = {k: np.size(v) for k, v in content.items() if not isinstance(v, str)}
     # Beside vectors a single value is a setting; alone, single values are a table of one row.
     least = min(2, max(sizes.values(), default=0))

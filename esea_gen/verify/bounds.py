@@ -72,7 +72,7 @@ def residual_flag(block: Block) -> Flag | None:
 def forward_residual(
     device: Device, block: Block, stream: Stream, outputs: Mapping[str, Array]
 ) -> tuple[float, float]:
-    """How far the torque at an inverse's set-points is from the request, said and computed."""
+    """Difference of the torque at an inverse's set-points from the request: reported, computed."""
     port = block.status_port
     assert port is not None
     bits = {f.name: 1 << i for i, f in enumerate(port.flags)}

@@ -105,7 +105,7 @@ class Coverage:
 
     @property
     def uncovered(self) -> list[str]:
-        """Sides that the streams miss, each with where it stands."""
+        """Sides that the streams miss, each with its place."""
         return [f"{d.where}: {d.op} never '{s}'" for d in self.decisions for s in d.missing]
 
     @property

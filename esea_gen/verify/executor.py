@@ -65,7 +65,7 @@ def evaluate(kernel: Kernel, fmt: Format, arguments: Sequence[Array]) -> list[Ar
 def told_otherwise(
     kernel: Kernel, fmt: Format, values: Sequence[Array], node: int, told: Array
 ) -> list[Array]:
-    """Values of a kernel's nodes where one of them is told from outside."""
+    """Values of a kernel's nodes with one of them set from outside."""
     out, changed = [*values], {node}
     out[node] = told
     with np.errstate(all="ignore"):

@@ -146,7 +146,7 @@ StepJudge = StepRule | ExactStep
 
 
 def drift(block: Block, expected: dict[str, Array], got: dict[str, Array]) -> dict[str, float]:
-    """How far two freely running memories or outputs come apart; not bounded, only told."""
+    """Difference of two freely running states or outputs; reported, not bounded."""
     out: dict[str, float] = {}
     for p in (*block.state, *block.outputs):
         if p.name not in expected:

@@ -18,7 +18,7 @@ def guarded_ranges(
     kernel: Kernel,
     fmt: Format,
 ) -> dict[int, Interval]:
-    """Ranges that hold whatever stands in inputs and states, because the guard stands before."""
+    """Ranges for any inputs and states, which the guard enforces."""
 
     def passed(p: Port) -> Interval:
         # What the guard lets pass: of a vector, it looks at the sum of magnitudes.

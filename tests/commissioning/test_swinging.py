@@ -104,7 +104,7 @@ def test_gain_loss_and_offset_of_a_rubber_that_is_off(drive, gain):
         ({"tilt_rad": math.radians(15)}, "angle at which it hangs", "The device is tilted"),
         ({"load": 0.15}, "error of the motor's torque", "agree with each other and not with"),
         ({"motor": 0.2}, "error of the motor's torque", "The sensor agrees with the load"),
-        ({"gain": 0.2, "motor": -0.2}, "error of the motor's torque", "mass that hangs while"),
+        ({"gain": 0.2, "motor": -0.2}, "error of the motor's torque", "with a fixed motor"),
         ({"offset_Nm": 0.15}, "offset", "Does a hand rest on the arm"),
     ],
 )

@@ -212,7 +212,7 @@ def test_step_frequency_and_output_impedance():
         (["tuning", "--controller", "pid"], "Unknown controller 'pid'"),
         (["tuning", "--plant", "bad"], "Unknown plant 'bad'. Choose from ideal, real, random"),
         (["bread", "--person", "me"], "Unknown person 'me'"),
-        (["bread", "--person", "none"], "bread needs somebody who moves the load"),
+        (["bread", "--person", "none"], "bread needs a person to move the load"),
         (["tuning", "--real", "f16"], "Unknown number format 'f16'"),
         (["tuning", "--figure", "a.txt"], "not a picture's name"),
         (["tuning", "--jobs", "0"], "Give 1 or more, or -1"),

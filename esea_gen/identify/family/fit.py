@@ -237,7 +237,7 @@ def alike(member: Member, basis: Array) -> dict[int, int]:
 def not_seen(
     terms: UnitTerms, recordings: Sequence[Recording], fitted: FittedMember
 ) -> dict[int, int]:
-    """As :func:`alike`, of those whose stand-in carries torque."""
+    """As :func:`alike`, for terms whose substitute carries torque."""
     basis, _ = _weighted(terms, recordings, fitted.scale_rad)
     found = alike(fitted.member, basis)
     return {i: k for i, k in found.items() if fitted.weights_Nm[k]}

@@ -380,7 +380,7 @@ def beyond_rad(theta_rad: Array, half_width_rad: float) -> Array:
 
 
 def followed_rad(theta_rad: Array, gap_rad: float) -> Array:
-    """Deflection behind a gap: it stands still until the gap has been crossed."""
+    """Deflection behind a gap: constant until the gap has been crossed."""
     half, at = 0.5 * gap_rad, float(theta_rad[0])
     out = []
     for x in theta_rad.tolist():

@@ -42,7 +42,7 @@ class Edit:
     result: tuple[int, int] | None = None
 
     def apply(self, kernel: Kernel) -> tuple[Kernel, list[int]]:
-        """The changed kernel, and per node of the old one the node that stands for it."""
+        """The changed kernel, and the new node for each old one."""
         nodes: list[Node] = []
         place: list[int] = []
         read: dict[tuple[int, int], int] = {}

@@ -371,7 +371,7 @@ def attempted(
 
 
 def assess_unattended(desk: ClinicDesk, movements: int, say: Callable[[str], None]) -> None:
-    """Keep what passes, repeat what misses, until probabilities settle or so many movements."""
+    """Keep passing attempts and repeat missed ones until probabilities settle, or so many moves."""
     assert desk.board is not None
     for _ in range(movements):
         say("")

@@ -214,13 +214,13 @@ class ConnectedDevice:
         return asdict(self.receiver.health) | own | {"dropped_rows": dropped}
 
     def state(self) -> str:
-        """The board's state as its last HEARTBEAT told, such as ``READY``; first ``UNKNOWN``."""
+        """State of the board in its last HEARTBEAT, such as ``READY``; first ``UNKNOWN``."""
         with self._ask():
             self.session.pending()
             return self.session.state() if self.session.heartbeat is not None else "UNKNOWN"
 
     def clock(self) -> dict[str, int]:
-        """The board's own counters: ticks, what it lost, dropped and refused."""
+        """The board's own counters: ticks, and lost, dropped and refused messages."""
         with self._ask():
             told = self.session.clock()
         return {name: int(getattr(told, name)) for name in told.get_fieldnames()}
@@ -395,7 +395,7 @@ class ConnectedDevice:
             self.session.clear()
 
     def want(self, deadline_ms: int = 0, **wanted: Any) -> None:
-        """Send what is wanted; it holds until its deadline, at most a second.
+        """Send a command, which is valid until its deadline, at most a second.
 
         Parameters
         ----------

@@ -189,7 +189,7 @@ def _obeys(session: Session) -> bool:
 
 
 def passive(device: str | None) -> Identity:
-    """Bytes out of a file: nobody can be asked, so the device must be said, and is believed."""
+    """Identity for bytes from a file, which cannot be asked: the caller names the device."""
     if device is None:
         raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
     loaded = board_device(loaded_device(device))

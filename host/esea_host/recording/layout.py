@@ -50,7 +50,7 @@ class StreamLayout:
 
     @cached_property
     def record_dtype(self) -> np.dtype[Any]:
-        """A row as a protobuf message; the tags stand between the values."""
+        """A row as a protobuf message, with its tags between the values."""
         fields: list[Any] = []
         for number, column in enumerate(self.columns, 1):
             fields.append((f"tag {number}", "u1", (len(_tag(number, column)),)))

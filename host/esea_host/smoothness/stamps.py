@@ -58,7 +58,7 @@ def rate_behind(time_s: Array) -> float:
 
 
 def unsteady(time_s: Array, fs_Hz: float) -> tuple[int, str] | None:
-    """Frame before the worst step and what is wrong; None for a steady rate.
+    """Frame before the worst step and the defect; None for a steady rate.
 
     Stamps that are rounded may be off by their rounding.  Where that is so coarse that one long
     step may be a lost frame, the band of all stamps decides.
