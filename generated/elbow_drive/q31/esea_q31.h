@@ -126,8 +126,8 @@ static inline int64_t esea_q63_max(int64_t x, int64_t y) { return y > x ? y : x;
 static inline int32_t esea_q31_abs(int32_t x) { return x < 0 ? -x : x; }
 static inline int64_t esea_q63_abs(int64_t x) { return x < 0 ? -x : x; }
 
-/* The nearest of 32 bits: where a value of one port feeds a port of another format, one that does
- * not fit becomes the end, which lies outside the port's range and so is an invalid input. */
+/* The nearest of 32 bits, on the way into a field's format.  Where a port feeds another, the end lies
+ * outside the port's range, so that what does not fit is an invalid input. */
 static inline int32_t esea_q31_saturate(int64_t x)
 {
     return x > INT32_MAX ? INT32_MAX : x < INT32_MIN ? INT32_MIN : (int32_t)x;
