@@ -243,6 +243,20 @@ def test_what_the_board_drops_is_told_from_what_the_link_loses(drive, device):
     assert gap.before_tick - gap.after_tick == 8
 
 
+def test_another_rate_leaves_no_gap(drive, device):
+    device.listen(["sense_out"], 20.0)
+    device.advance(0.2)
+    device = LockstepDevice(drive)  # the next program, at the rate of the one before
+    queue = device.subscribe(["sense_out"])
+    device.advance(0.5)
+    for rate_Hz in (None, 20.0, 25.0, None):
+        device.listen(["sense_out"], rate_Hz)
+        device.advance(0.23)
+    rows, gaps = rows_and_gaps(queue)
+    assert len(rows) > 460
+    assert gaps == []
+
+
 def test_a_reader_that_is_too_slow_loses_its_own_rows_and_hears_of_it(drive, device):
     data = bytes_of(drive, 1000)
     receiver, slow = received(data, device, piece=5000, most_rows=300)

@@ -258,6 +258,7 @@ class ConnectedDevice:
         named = {s.layout.name for s in self.receiver.named.values()}  # they are told already
         chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
         names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
+        every_ticks = {t.name: t.every for t in self.identity.device.system.tasks}
         for stream in chosen:
             if stream not in names:
                 raise UserError(f"There is no stream '{stream}'.", f"There is {', '.join(names)}.")
@@ -265,8 +266,14 @@ class ConnectedDevice:
             interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
             if stream == KEY:
                 interval_us = KEY_US
+            # Whoever was connected before may have asked for another rate.
+            self.receiver.expect(stream, 0)
             with self._ask():
                 self.session.tell(message, interval_us)
+            if stream != KEY:
+                every = every_ticks[stream.rpartition("_")[0]]
+                runs = -(int(interval_us) // self.identity.tick_us // -every)
+                self.receiver.expect(stream, max(1, runs) * every)
             self._told[message] = interval_us
         return chosen
 

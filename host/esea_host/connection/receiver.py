@@ -274,9 +274,14 @@ class Receiver(Transport):
         for subscription in self._subscriptions:
             subscription.put(batch)
 
+    def expect(self, stream: str, every: int) -> None:
+        """Base ticks between a stream's runs from the next one on; 0: they are about to change."""
+        self._clock.expect(stream, every)
+
     def add_named(self, stream: NamedStream, number: int) -> None:
         """Make rows of a stream that the board was asked for by names."""
         self.decoder.keep_back(number)
+        self.expect(stream.layout.name, stream.board.interval)
         self.named = {**self.named, (stream.board.number, stream.board.choice): stream}
 
     def _of_named(self) -> list[Decoded]:
@@ -355,7 +360,9 @@ class _StreamClocks:
     def __init__(self, tick_ns: int) -> None:
         self.tick_ns = tick_ns
         self._last: dict[str, int] = {}
+        # Ticks between runs: as requested, else learnt; 0: no run is missed.
         self._every: dict[str, int] = {}
+        self._requested: dict[str, int] = {}  # from the next run on
         self._lost: dict[str, tuple[int, int]] = {}
         # Of every start of the board's clock: ticks of all before it, and its last one so far.
         self._moved, self._last_tick = [0], [-1]
@@ -370,6 +377,11 @@ class _StreamClocks:
         self._restarted = set(self._last) if restarted else set()
         self._away_ticks = away_ns // self.tick_ns
 
+    def expect(self, name: str, every: int) -> None:
+        self._every[name] = 0
+        if every:
+            self._requested[name] = every
+
     def batch(self, found: Decoded, arrived_ns: int, health: LinkHealth) -> Batch | None:
         name = found.layout.name
         ticks = found.rows[TICK].astype(np.int64)
@@ -378,8 +390,8 @@ class _StreamClocks:
             return self._parts(found, arrived_ns)
         self._epochs.setdefault(name, len(self._moved) - 1)
         steps = np.diff(ticks, prepend=ticks[0] - 1 if last is None else last)
-        every = self._every.get(name) or _period(steps if last is not None else steps[1:])
-        if every:
+        every = self._every.get(name)
+        if every is None and (every := _period(steps if last is not None else steps[1:])):
             self._every[name] = every
         going_on = last is not None and every and name not in self._broken
         if going_on and not found.late_rows and (steps == every).all():
@@ -426,10 +438,12 @@ class _StreamClocks:
                 last = None
             lost, bad = losts[i], bads[i]
             every = self._every.get(name, 0)
-            if last is not None and every and tick - last != every:
+            if last is not None and every and tick - last > every:
                 before = self._lost.get(name, (0, 0))
                 gaps.append(self._gap(name, last, tick, lost - before[0], bad - before[1]))
             self._last[name], self._lost[name] = tick, (lost, bad)
+            if name in self._requested:
+                self._every[name] = self._requested.pop(name)
             if name in self._broken:
                 self._broken.discard(name)
                 self._away_ticks = 0  # the first stream has moved the clock, or it goes on
