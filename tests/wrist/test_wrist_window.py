@@ -59,7 +59,9 @@ def test_the_constraint_is_asked_for_by_a_button_and_confirmed_by_the_board(show
     s.draw()
     assert "not yet" in s.window.confirmed.text()
     s.until("constrained", 5, lambda: s.display.acts)
+    s.feed.came_s -= 10  # on a slow computer
     s.draw()
+    assert not s.feed.silent
     assert s.window.confirmed.text().endswith("acts on both axes")
     s.window.buttons["Healthy"].click()
     s.until("free", 20, lambda: not s.display.acts)

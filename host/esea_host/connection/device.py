@@ -6,7 +6,7 @@ import difflib
 import threading
 import time
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -118,6 +118,9 @@ class ConnectedDevice:
         self._closing = True
         for recording in list(self._recordings):
             recording.close()
+        with suppress(LinkError):  # who connects next has the line for its own questions
+            for name in self._told:
+                self._send_interval(name, 0.0)
         self.receiver.close()
 
     @contextmanager
@@ -166,12 +169,14 @@ class ConnectedDevice:
 
     def _tell_again(self) -> None:
         self.session.heartbeat = None  # of before: its state is not known until the next one
-        command = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         for name, interval_us in self._told.items():
-            number = float(self._ids[name])
-            values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
-            message = self._dialect.MAVLink_command_long_message(*values)
-            self.receiver.write(self._packed(message), WAIT_S)
+            self._send_interval(name, interval_us)
+
+    def _send_interval(self, name: str, interval_us: float) -> None:
+        command, number = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL, float(self._ids[name])
+        values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
+        message = self._dialect.MAVLink_command_long_message(*values)
+        self.receiver.write(self._packed(message), WAIT_S)
 
     def pump(self, timeout_s: float = 0.0) -> bool:
         """Listen once, where no thread does.

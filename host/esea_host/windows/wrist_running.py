@@ -102,6 +102,7 @@ class FilmedWrist:
 
     def draw(self) -> None:
         """Words too, which change less often than pictures, and the layout that they ask for."""
+        self.feed.came_s = math.inf  # a board moved by turns is not silent between them
         for _ in range(TOLD_EVERY):
             self.window.draw()
             QApplication.processEvents()
