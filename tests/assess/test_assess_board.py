@@ -199,6 +199,7 @@ def test_pendulum_and_range_at_a_board(tmp_path):
         (["range", "x.csv", "--device", "sim:knee"], "--device"),
         (["run", "--headless"], "--device"),
         (["run", "--device", "tcp:127.0.0.1:1", "--patient", "simulated:S3"], "sim:knee"),
+        (["pendulum", "--device", "sim:elbow_drive"], "has a motor"),
     ],
 )
 def test_what_does_not_go_together_is_refused(words, said):

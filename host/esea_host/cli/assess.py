@@ -254,17 +254,17 @@ def _board(
     if address is None:
         yield None
         return
+    from esea_gen.device import board_device
     from esea_host.assess.board import KneeBoard, await_state
+    from esea_host.recording.replay import loaded_device
 
     given: dict[str, Any] = {"kept_s": kept_s}
     name = _here(address)
-    if name is not None and patient is not None:
-        from esea_gen.device import board_device
+    made = None if name is None or patient is None else board_device(loaded_device(name))
+    if made is not None and not made.laws and len(made.axes) == 1:  # a leg fits no other
         from esea_host.assess.moved import MovedKnee
-        from esea_host.recording.replay import loaded_device
         from esea_host.simulated import LockstepDevice, SimulatedBoard
 
-        made = board_device(loaded_device(name))
         knee = MovedKnee(patient, made, seed)
         simulated = LockstepDevice(SimulatedBoard(made, seed=seed, motion=knee.step))
         given |= {"advance": simulated.advance, "paced": paced, "therapist": knee}
