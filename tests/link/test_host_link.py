@@ -248,13 +248,10 @@ def test_another_rate_leaves_no_gap(drive, device):
     device.advance(0.2)
     device = LockstepDevice(drive)  # the next program, at the rate of the one before
     queue = device.subscribe(["sense_out"])
-    device.advance(0.5)
-    for rate_Hz in (None, 20.0, 25.0, None):
+    for rate_Hz in (20.0, None, 20.0, 25.0, None):
+        device.advance(0.5)
         device.listen(["sense_out"], rate_Hz)
-        device.advance(0.23)
-    rows, gaps = rows_and_gaps(queue)
-    assert len(rows) > 460
-    assert gaps == []
+    assert rows_and_gaps(queue)[1] == []
 
 
 def test_a_reader_that_is_too_slow_loses_its_own_rows_and_hears_of_it(drive, device):

@@ -271,14 +271,13 @@ class ConnectedDevice:
             interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
             if stream == KEY:
                 interval_us = KEY_US
-            # Whoever was connected before may have asked for another rate.
-            self.receiver.expect(stream, 0)
+            self.receiver.clock.expect(stream, 0)
             with self._ask():
                 self.session.tell(message, interval_us)
             if stream != KEY:
                 every = every_ticks[stream.rpartition("_")[0]]
                 runs = -(int(interval_us) // self.identity.tick_us // -every)
-                self.receiver.expect(stream, max(1, runs) * every)
+                self.receiver.clock.expect(stream, max(1, runs) * every)
             self._told[message] = interval_us
         return chosen
 

@@ -146,7 +146,7 @@ class Receiver(Transport):
         self._writing = threading.Lock()
         self._thread: threading.Thread | None = None
         self._stopped = threading.Event()
-        self._clock = _StreamClocks(tick_ns)
+        self.clock = _StreamClocks(tick_ns)
         self._told_s = 0.0
         self.named: dict[tuple[int, int], NamedStream] = {}
         self._epoch_ns = _wall_ahead_ns()
@@ -261,7 +261,7 @@ class Receiver(Transport):
         if self.named:
             decoded += self._of_named()
         for found in decoded:
-            batch = self._clock.batch(found, now, self.health)
+            batch = self.clock.batch(found, now, self.health)
             if batch is not None:
                 self.hand_out(batch)
         if others:
@@ -274,14 +274,10 @@ class Receiver(Transport):
         for subscription in self._subscriptions:
             subscription.put(batch)
 
-    def expect(self, stream: str, every: int) -> None:
-        """Base ticks between a stream's runs from the next one on; 0: they are about to change."""
-        self._clock.expect(stream, every)
-
     def add_named(self, stream: NamedStream, number: int) -> None:
         """Make rows of a stream that the board was asked for by names."""
         self.decoder.keep_back(number)
-        self.expect(stream.layout.name, stream.board.interval)
+        self.clock.expect(stream.layout.name, stream.board.interval)
         self.named = {**self.named, (stream.board.number, stream.board.choice): stream}
 
     def _of_named(self) -> list[Decoded]:
@@ -333,7 +329,7 @@ class Receiver(Transport):
         self.decoder.forget()
         with self._changed:
             self._others.clear()  # the board's state of before
-        self._clock.broken(self.now_ns() - self.away_since_ns, self.restarted)
+        self.clock.broken(self.now_ns() - self.away_since_ns, self.restarted)
         if self.on_reconnect is not None:
             self.on_reconnect()
         return True
@@ -378,6 +374,7 @@ class _StreamClocks:
         self._away_ticks = away_ns // self.tick_ns
 
     def expect(self, name: str, every: int) -> None:
+        """Base ticks between a stream's runs from the next one on; 0: they are about to change."""
         self._every[name] = 0
         if every:
             self._requested[name] = every
