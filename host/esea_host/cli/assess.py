@@ -260,8 +260,8 @@ def _board(
 
     given: dict[str, Any] = {"kept_s": kept_s}
     name = _here(address)
-    made = None if name is None or patient is None else board_device(loaded_device(name))
-    if made is not None and not made.laws and len(made.axes) == 1:  # a leg fits no other
+    made = None if name is None else board_device(loaded_device(name))
+    if patient and made and not made.laws and len(made.axes) == 1:  # a leg fits no other
         from esea_host.assess.moved import MovedKnee
         from esea_host.simulated import LockstepDevice, SimulatedBoard
 
