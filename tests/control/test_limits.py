@@ -398,9 +398,6 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
     assert [f.name for f in limits(drive).status_port.flags] == FLAGS
 
 
-# -- the C is the symbols --------------------------------------------------------------------------
-
-
 # -- bad devices -----------------------------------------------------------------------------------
 
 

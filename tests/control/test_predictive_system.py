@@ -316,6 +316,3 @@ def test_the_shipped_controllers_pass_the_gates(controller, target):
     require_tool("gcc")
     report = check_objects(controller_device(controller), target)
     assert report.passed, report.problems
-
-
-# -- what a loop states of itself ------------------------------------------------------------------

@@ -101,9 +101,6 @@ def test_encoders_whose_turns_cannot_be_counted_are_refused():
         gear_encoder(mine(f"[actuator]\nomega_max_rad_s = {q(25.0)}\n"))
 
 
-# -- what the motion leaves unexplained ------------------------------------------------------------
-
-
 # -- the comparison --------------------------------------------------------------------------------
 
 

@@ -317,8 +317,6 @@ def test_a_flag_that_differs_is_explained_beside_its_threshold_alone(share, pass
     assert unexplained(FLAGGED, expected, {"status": np.array([2, 2, 0, 0])}, {"y_rad": 0.01}) == 2
 
 
-# -- what the proof assumes ------------------------------------------------------------------------
-
 # -- the content hash ------------------------------------------------------------------------------
 
 

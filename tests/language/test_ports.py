@@ -85,6 +85,3 @@ def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
     with pytest.raises(ValueError, match=r"(port|tunable|block) name ") as told:
         define(name)
     define(str(told.value).rpartition("take ")[2].split("'")[1])
-
-
-# -- the guard, and what a Block refuses -----------------------------------------------------------

@@ -183,9 +183,6 @@ def test_a_stop_in_the_first_version_of_mavlink_is_a_stop(paired):
     assert board.state_now == "STOPPED"
 
 
-# -- armed -----------------------------------------------------------------------------------------
-
-
 # -- bytes of any kind -----------------------------------------------------------------------------
 
 

@@ -415,6 +415,3 @@ def test_what_cannot_be_told_apart_is_refused():
     wide = f"[joint]\ntheta_min_rad = {q(-2.6)}\n"
     with pytest.raises(UserError, match=r"spans 6\.3 rad, not below one turn"):
         encoder(make(12, more=wide), "motor")
-
-
-# -- the emitted C ------------------------------------------------------------------------------

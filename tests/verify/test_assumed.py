@@ -138,6 +138,3 @@ def test_a_step_of_another_matrix_is_counted(drive, block):
     stream = Stream("gaps", {"theta_load_rad": theta, "tau_Nm": 0 * theta})
     _, states = run_symbolic(block, stream)
     assert steps_beyond(block, bounds[PORT_RANGES], stream, states) == 3
-
-
-# -- a search --------------------------------------------------------------------------------------

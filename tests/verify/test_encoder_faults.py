@@ -120,9 +120,6 @@ def test_what_is_no_fault_is_refused(text, said):
         run("one:load@4=12")
 
 
-# -- its figures, on a run made by hand ------------------------------------------------------------
-
-
 # -- in closed loop --------------------------------------------------------------------------------
 
 

@@ -132,7 +132,7 @@ def demo(
         _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
     from esea_gen.twin.judge import ROUGH_HEADS, rough_cells
-    from esea_host.simulated.demo import run_demo
+    from esea_host.simulated.demo import run_demo, shown_error
 
     page, seconds = report or Path("demo.png"), 10.0 if seconds is None else seconds
     writable(page)
@@ -140,7 +140,7 @@ def demo(
     v = done.verdict
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
     out.print("Every bit matches the C." if v.same else "NOT THE SAME: esea-host replay --verify")
-    out.print(f"{done.report}: simulated {done.error}")
+    out.print(f"{done.report}: simulated {shown_error(done.rms_error_Nm)}")
     named = zip(ROUGH_HEADS, rough_cells(done.roughness), strict=True)
     out.print("roughness: " + ", ".join(f"{head} {cell}" for head, cell in named))
     if done.fault:

@@ -34,10 +34,6 @@ class Demo:
     roughness: dict[str, float]  # likewise
     fault: str = ""  # that the board latched
 
-    @property
-    def error(self) -> str:
-        return _error(self.rms_error_Nm)
-
 
 def run_demo(
     device: str | SimulatedBoard,
@@ -81,9 +77,9 @@ def run_demo(
     return Demo(target, report, verdict, error_Nm, rough, latched)
 
 
-def _error(rms_Nm: float) -> str:
-    known = f"{rms_Nm:.3f} Nm rms"
-    return f"torque error {'of less than a cycle not judged' if math.isnan(rms_Nm) else known}"
+def shown_error(rms_Nm: float) -> str:
+    error = f"{rms_Nm:.3f} Nm rms"
+    return f"torque error {'of less than a cycle not judged' if math.isnan(rms_Nm) else error}"
 
 
 def _follow(device: LockstepDevice, seconds: float) -> str:
@@ -145,7 +141,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
             (loop, twist_deg, tau_Nm, MEASURED, 0.7, "torque"),
         ):
             panel.plot(x, y, color=colour, lw=width, label=label)
-        title = f"Torque {axis}; {_error(rms_Nm)}".replace(" ;", ";")
+        title = f"Torque {axis}; {shown_error(rms_Nm)}".replace(" ;", ";")
         torque.set(ylabel="torque [Nm]", title=title)
         torque.legend(ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))  # beside the title
         joint.set_ylabel("joint [deg]", color=BOUND)
