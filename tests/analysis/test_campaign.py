@@ -277,5 +277,5 @@ def test_a_key_depends_on_content_only(tmp_path):
     for arguments in ({"workers": 0}, {"workers": -2}):
         with pytest.raises(UserError, match="workers"):
             run_cases(draw, seeded(1), configuration=CONFIG, **arguments)
-    with pytest.raises(UserError, match="none"):
+    with pytest.raises(UserError, match="no cases"):
         run_cases(draw, [], configuration=CONFIG)

@@ -245,7 +245,7 @@ def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
     with pytest.raises(UserError, match="record of a knee"):
         CommissioningRecord(tmp_path, "elbow_drive", UNIT)
     (tmp_path / "record.json").write_text(json.dumps(content | {"version": 2}))
-    with pytest.raises(UserError, match="no record of this version"):
+    with pytest.raises(UserError, match="not a record of this version"):
         CommissioningRecord(tmp_path, "knee", UNIT)
 
 

@@ -378,7 +378,7 @@ def test_correction_takes_out_a_parts_nonlinearity():
         (f"direction = {q(0)}", "direction = 0 is neither 1 nor -1"),
         (f"direction = {q(0.5)}", "not a whole number"),
         (f"zero_rad = {q(4)}", "zero_rad = 4 rad is above its limit 3.14159 rad"),
-        (f"zero_deg = {q(4)}", "kept in 'rad'. Convert the number and name the key zero_rad"),
+        (f"zero_deg = {q(4)}", "in 'rad'. Convert the number and name the key zero_rad"),
         (f"held_max = {q(11)}", "held_max = 11 is above its limit 10"),
         (row([0, 0, 0]), "has 3 values; it takes 4, 8, 16, 32, 64"),
         (row([0, 0.01, 0, -0.2]), "value 3 (counted from 0) is -0.2 rad, outside -0.09 to 0.09"),
