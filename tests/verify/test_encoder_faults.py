@@ -135,7 +135,7 @@ def page_rows(page: str, table: str) -> dict[str, dict[str, str]]:
 LAWS, SEEDS = (BEST_CONTROLLER, "cascade", "smc"), range(1000, 1006)  # of the page's commands
 CASES_NOW = [
     ("freeze:load", "60 Nm/rad", 1004, BEST_CONTROLLER),
-    ("gain:load=1.2", "limp", 1002, "cascade"),
+    ("drift:load=2.0", "limp", 1002, "cascade"),
 ]
 MORE = [
     (r, p, s, law)

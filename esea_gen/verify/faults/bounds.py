@@ -62,9 +62,9 @@ def bound_ticks(device: Device, fault: BoardFault) -> int | None:
     if fault.place == "clock":
         if fault.kind == "lost ticks":
             return 0  # the tick after the gap
-        stale = STALE_PERIODS * control.every
         # From the last release, which may come after the last run.
-        return stale + control.release_ticks - 1 if fault.amount >= stale else None
+        stale = STALE_PERIODS * control.every + control.release_ticks - 1
+        return stale if fault.amount >= stale else None
     unreadable = fault.kind == "NaN" or (
         fault.place.startswith("frame_error") and fault.kind == "jump" and fault.amount > 0
     )

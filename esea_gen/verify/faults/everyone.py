@@ -210,5 +210,5 @@ def people_table(
     every = [run for of in rows.values() for run in of]
     people = [_row(name, key, runs) for name, runs in ({ANY: every} | rows).items()]
     people.sort(key=lambda r: -max(r["most_Nm"].values()))
-    people += [_row(RUN_OUT, peak, every)] if what == ENCODERS else []
+    people[1:1] = [_row(RUN_OUT, peak, every)] if what == ENCODERS else []
     return PeopleTable(device.name, names, seeds, what, people)
