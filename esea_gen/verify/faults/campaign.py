@@ -328,14 +328,12 @@ def fault_picture(device: str, rows: Sequence[FaultRow], torque_Nm: float) -> Fi
             at = places.index(r.place), INPUT_KINDS.index(r.kind)
             worst[at] = r.peak_torque_Nm
             text = f"{_found(r)}\n{r.peak_torque_Nm:.1f} Nm"
-            above.text(at[1], at[0], text, ha="center", va="center", fontsize=7.5, color=INK)
+            ink = "white" if r.peak_torque_Nm > torque_Nm else INK
+            above.text(at[1], at[0], text, ha="center", va="center", fontsize=7.5, color=ink)
         above.imshow(worst, cmap="YlOrBr", vmin=0.0, vmax=1.6 * torque_Nm, aspect="auto")
         above.set_xticks(range(len(INPUT_KINDS)), INPUT_KINDS)
         above.set_yticks(range(len(places)), places)
-        above.set_title(
-            f"{device}, simulated. Ticks until the motor followed no more (in how many runs),\n"
-            f"and largest torque on the limb (envelope {torque_Nm:g} Nm)"
-        )
+        above.set_title(f"{device}, simulated: latest detection in ticks, largest torque on limb")
         below.barh(range(len(others)), [r.peak_torque_Nm for r in others], color="#f6c667")
         for k, r in enumerate(others):
             below.text(r.peak_torque_Nm + 0.05, k, _found(r), va="center", fontsize=7.5, color=INK)
@@ -343,11 +341,11 @@ def fault_picture(device: str, rows: Sequence[FaultRow], torque_Nm: float) -> Fi
         below.set_yticks(range(len(others)), [f"{r.place}, {r.kind}" for r in others], fontsize=7.5)
         below.set_ylim(len(others) - 0.4, -0.6)
         below.set_xlim(0.0, 1.06 * torque_Nm)
-        below.set_xlabel("largest torque on the limb (Nm); line: envelope")
+        below.set_xlabel("largest torque on the limb (Nm); line: envelope of 12 Nm/rad")
         above.grid(visible=False)
         above.tick_params(length=0)
     return figure
 
 
 def _found(r: FaultRow) -> str:
-    return "not found" if not r.found else f"{r.latest_ticks} ({r.found}/{r.runs})"
+    return "not detected" if not r.found else f"{r.latest_ticks} ({r.found}/{r.runs})"
