@@ -132,7 +132,8 @@ def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
     tool = find_compiler(*target.toolchain.tool("objdump"))
     double = _HOST_DOUBLE if target.name == "host" else _ARM_DOUBLE
     for path in objects:
-        text = run_tool([tool, "-d", "--no-show-raw-insn", path], failed="objdump failed").stdout
+        done = run_tool([tool, "-d", "--no-show-raw-insn", path], failed="objdump failed")
+        text = "\n".join(x for x in done.stdout.splitlines() if ":\t" in x)  # without the path
         hits = [" ".join(m.group().split()) for m in double.finditer(text)]
         if hits:
             found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
