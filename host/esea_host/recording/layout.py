@@ -67,25 +67,24 @@ class StreamLayout:
     def units(self) -> dict[str, str]:
         return {c.name: c.unit for c in self.columns if c.unit}
 
-    def record(self, rows: Array) -> Array:
-        out = np.zeros(len(rows), self.record_dtype)
+    @cached_property
+    def _tagged(self) -> Array:
+        out = np.zeros((), self.record_dtype)
         for number, column in enumerate(self.columns, 1):
             out[f"tag {number}"] = list(_tag(number, column))
             if column.size > 1:
                 out[f"length {number}"] = list(_length(column))
-            # By bits: a NaN keeps its payload.
-            bits = f"u{column.kind[1]}"
-            out[column.name].view(bits)[...] = np.ascontiguousarray(rows[column.name]).view(bits)
+        return out
+
+    def record(self, rows: Array) -> Array:
+        out = np.repeat(self._tagged, len(rows))
+        out[list(rows.dtype.names or ())] = rows
         return out
 
     def rows(self, data: bytes) -> Array:
         """Rows of protobuf messages, one after another."""
-        records = np.frombuffer(data, self.record_dtype)
-        out = np.empty(len(records), self.dtype)
-        for column in self.columns:
-            bits = f"u{column.kind[1]}"
-            found = np.ascontiguousarray(records[column.name]).view(bits)
-            out[column.name].view(bits)[...] = found
+        out = np.empty(len(data) // self.record_dtype.itemsize, self.dtype)
+        out[...] = np.frombuffer(data, self.record_dtype)[list(self.dtype.names or ())]
         return out
 
     def descriptor(self) -> bytes:
