@@ -39,7 +39,7 @@ def gain_port(device: DeviceData) -> Port:
     """Gain of the desired torque, with room for rounding beyond its range."""
     own = section_of(device, "adaptation")
     low, high = 0.99 / own.scale_most.value, 1.01 / own.scale_least.value
-    return Port("wish_gain", low, high, "gain of the wish, for the rubber at hand", on_invalid=1.0)
+    return Port("wish_gain", low, high, "gain on the desired torque, identified", on_invalid=1.0)
 
 
 class _Adaptation:
@@ -68,20 +68,20 @@ class _Adaptation:
         self.coefficients = tuple(t.port for t in self.tunables)
         gain = gain_port(device)
         self.state = (
-            Port("wish_gain", gain.low, gain.high, "in force", init=1.0),
-            around("wish_loss", 1.01 * loss, "in force"),
-            around("wish_offset_Nm", 1.01 * offset, "in force"),
-            around("stop_wish_Nm", 1.01 * (tau + STOP_NM), "memory of the wish's stop operator"),
-            Port.flag("wished", "1 once there was a wish"),
+            Port("wish_gain", gain.low, gain.high, "value in use", init=1.0),
+            around("wish_loss", 1.01 * loss, "value in use"),
+            around("wish_offset_Nm", 1.01 * offset, "value in use"),
+            around("stop_wish_Nm", 1.01 * (tau + STOP_NM), "state of the stop operator"),
+            Port.flag("wished", "1 once a desired torque was received"),
         )
-        self.inputs = (around("tau_desired_Nm", tau, "wanted interaction torque"),)
+        self.inputs = (around("tau_desired_Nm", tau, "desired interaction torque"),)
         self.outputs = (
             gain,
-            around("wish_shift_Nm", shift_limit_Nm(device), "loss and offset of the wish"),
+            around("wish_shift_Nm", shift_limit_Nm(device), "added hysteresis and offset"),
             status_port(
-                "what is known of it",
+                "status",
                 "the input was NaN or outside its range",
-                "the state was corrupt; faded in afresh",
+                "the state was corrupt; the adaptation fades in again",
             ),
         )
 

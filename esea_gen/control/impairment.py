@@ -75,7 +75,7 @@ class _Impairment:
         self.name = "impairment" if wall else "resistance"
         self.title = f"Simulated impairment: {'wall and ' if wall else ''}resistance"
         self.prepare = lambda t: {n: getattr(t, n) for n in self.names}
-        self.state = (Port.flag("on", "1 while it acts"),)
+        self.state = (Port.flag("on", "1 while the impairment is active"),)
         self.streams = OwnStreams(events=_events)
 
         def given(name: str, low: float, high: float, meaning: str) -> Tunable:
@@ -105,19 +105,19 @@ class _Impairment:
         self.coefficients = tuple(t.port for t in self.tunables)
         self.inputs = (
             around("theta_rad", self.theta, "angle of the joint from the neutral position"),
-            around("omega_rad_s", self.omega, "its rate"),
+            around("omega_rad_s", self.omega, "rate of the joint"),
             Port.flag("constrained", "1 asks for the impairment"),
         )
         self.outputs = (
-            around("tau_set_Nm", self.tau, "torque wanted on the wrist", equation="(7.1), (7.2)"),
-            Port.flag("acts", "1 while the impairment acts"),
-            Port.flag("usable", "1 while nothing here was invalid or corrupt"),
+            around("tau_set_Nm", self.tau, "desired torque on the wrist", equation="(7.1), (7.2)"),
+            Port.flag("acts", "1 while the impairment is active"),
+            Port.flag("usable", "1 while inputs and state are valid"),
             status_port(
-                "what is known of it",
+                "status",
                 "an input was NaN or outside its range; no torque",
-                "the state was corrupt; it no longer acts",
+                "the state was corrupt; the impairment is off",
                 Flag("IN_WALL", "the wrist is in the wall"),
-                Flag("SATURATED", "the allowed torque is held", False, ("tau_set_Nm",), self.tau),
+                Flag("SATURATED", "torque held at its limit", False, ("tau_set_Nm",), self.tau),
                 Flag("SWITCH_WAITS", "switched once the wrist rests outside the wall"),
             ),
         )

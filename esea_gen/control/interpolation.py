@@ -66,17 +66,17 @@ class _Interpolation:
             periods("left", meaning="periods until the ramp ends"),
         )
         self.inputs = (
-            Port.choice("mode", Mode, "wanted mode"),
+            Port.choice("mode", Mode, "desired mode"),
             *desired("desired", "desired "),
         )
         self.outputs = (
             *desired("desired", "interpolated: desired "),
-            Port.flag("wish_ok", "1 while every input and the memory are sound"),
+            Port.flag("wish_ok", "1 while all inputs and the state are valid"),
             status_port(
-                "what is known of it",
+                "status",
                 "an input was NaN or outside its range; the limits latch",
                 "the state was corrupt; the limits latch",
-                Flag("INTERPOLATES", "on the way from one desired value to the next"),
+                Flag("INTERPOLATES", "interpolating between two desired values"),
             ),
         )
 

@@ -73,11 +73,11 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
         tunables=(
             Tunable("fade_s", FADE_S, 0.01, 2.0, "how long a change of the law is smoothed"),
         ),
-        coefficients=(Port("keep", 0.0, 1.0, "share of the offset that a period leaves"),),
+        coefficients=(Port("keep", 0.0, 1.0, "share of the offset kept in a period"),),
         prepare=lambda c: {"keep": ca.exp(-period / c.fade_s)},
         state=(
-            Port.choice("law_held", places, "law in force"),
-            Port("offset_Nm", -2 * reach, 2 * reach, "what joins the new command to the old one"),
+            Port.choice("law_held", places, "active law"),
+            Port("offset_Nm", -2 * reach, 2 * reach, "offset to the last law's command"),
             Port("u_last_Nm", -reach, reach, "last command"),
         ),
         inputs=(
@@ -86,13 +86,13 @@ def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] =
             *(Port.flag(f"ok_{n}", f"1 while what {n} is asked for is sound") for n in checked),
         ),
         outputs=(
-            Port("u_command_Nm", -reach, reach, "command of the law in force, joined"),
-            Port.flag("request_ok", "1 while what the law in force is asked for is sound"),
-            Port.choice("law_held", places, "law in force"),
+            Port("u_command_Nm", -reach, reach, "command of the active law, with the offset"),
+            Port.flag("request_ok", "1 while the request to the active law is valid"),
+            Port.choice("law_held", places, "active law"),
             status_port(
-                "what is known of the choice",
-                "a command was invalid, 0 is used; or there is no such law, the last one stays",
-                "the state was corrupt: the first law is in force",
+                "status of the choice",
+                "a command was invalid, 0 is used; or the law is unknown, the last one stays",
+                "the state was corrupt; the first law is active",
                 Flag("CLIPPED", clipped, True, ("u_command_Nm",), reach),
             ),
         ),

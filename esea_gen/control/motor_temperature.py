@@ -91,17 +91,17 @@ class _MotorTemperature:
         )
         largest = "the motor's largest torque"
         self.outputs = (
-            Port("u_thermal_Nm", 0.0, self.u_max, "motor torque that the temperature leaves"),
+            Port("u_thermal_Nm", 0.0, self.u_max, "largest motor torque at this temperature"),
             node("winding", "winding, modelled"),
             node("case", "case, modelled"),
             Port("capacity", 0.0, 1.0, f"share of {largest} that the temperature leaves"),
             status_port(
-                "what is known of the temperature",
+                "status of the temperature",
                 "torque or measured temperature was NaN or outside its range; the largest torque, "
                 "the model's temperature",
                 "the state was corrupt; both nodes are as hot as they may be",
                 Flag("DERATED", f"less than {largest}", False, ("winding_C",), self.derate),
-                Flag("HOT", "no torque is left: the limits latch", False, ("winding_C",), self.max),
+                Flag("HOT", "no torque is left; the limits latch", False, ("winding_C",), self.max),
             ),
         )
 

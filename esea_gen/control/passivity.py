@@ -140,33 +140,33 @@ class _Passivity:
     def _state(self) -> tuple[Port, ...]:
         u_room = 1.001 * self.u_max
         slow = (
-            around("slow_rad_s", 1.001 * self.omega_lim, "slow part of the limb's speed"),
+            around("slow_rad_s", 1.001 * self.omega_lim, "low-frequency part of the limb's speed"),
             Port("slow_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of that part"),
         )
         return (
-            around("power_W", self.power_lim, "mean power that the error gives to the limb"),
-            Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square of its speed"),
+            around("power_W", self.power_lim, "mean power of the torque error into the limb"),
+            Port("square_rad2_s2", 0.0, 1.01 * self.omega_lim**2, "mean square limb speed"),
             # Room for a fixed-point clip, which rounds its ends.
             Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added", init=self.damping),
-            Port("theta_load_last_rad", self.low, self.high, "load side's angle a step ago"),
-            around("error_last_Nm", self.error_lim, "error a step ago"),
-            Port("theta_motor_last_rad", self.low, self.high, "motor side's angle a step ago"),
-            around("tau_last_Nm", self.tau_lim, "interaction torque a step ago"),
-            Port("given_J", 0.0, 1.001 * self.given_lim, "energy that the drive has given"),
+            Port("theta_load_last_rad", self.low, self.high, "load-side angle of the last step"),
+            around("error_last_Nm", self.error_lim, "torque error of the last step"),
+            Port("theta_motor_last_rad", self.low, self.high, "motor-side angle of the last step"),
+            around("tau_last_Nm", self.tau_lim, "interaction torque of the last step"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy delivered by the drive"),
             Port(
-                "moving_J", 0.0, self.moving_lim, "energy of the drive's own motion when last seen"
+                "moving_J", 0.0, self.moving_lim, "kinetic energy of the drive, last valid sample"
             ),
             Port("v_Nm", 0.0, u_room, "largest |motor torque| behind the lag, at the shaft"),
-            Port("most_Nm", 0.0, u_room, "largest |command| that the rate limit left"),
-            Port.flag("seen", "1 when the last sample was good"),
+            Port("most_Nm", 0.0, u_room, "largest |command| after the rate limit"),
+            Port.flag("seen", "1 when the last sample was valid"),
             *(slow if self.own.fade_Hz else ()),
         )
 
     def _ends(self) -> None:
         self.inputs = (
-            Port.choice("mode", Mode, "mode that holds"),
-            Port.flag("sensing_ok", "1 while the measurements are good"),
-            Port.flag("request_ok", "1 while what is wanted is sound"),
+            Port.choice("mode", Mode, "active mode"),
+            Port.flag("sensing_ok", "1 while the measurements are valid"),
+            Port.flag("request_ok", "1 while the request is valid"),
             around("tau_set_Nm", self.tau_set_lim, "set torque"),
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness of the impedance law"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping of the impedance law"),
@@ -175,25 +175,23 @@ class _Passivity:
             around("omega_load_rad_s", self.omega_lim, "load side's speed"),
             Port("theta_motor_rad", self.low, self.high, "motor side's angle"),
             around("omega_motor_rad_s", self.omega_lim, "motor side's speed"),
-            around("u_command_Nm", self.u_lim, "stamped command, at the motor shaft"),
+            around("u_command_Nm", self.u_lim, "command with stamp, at the motor shaft"),
         )
         self.outputs = (
             around("tau_set_Nm", self.tau_set_lim, "set torque with the damping, for the law"),
-            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "damping added to what is wanted"),
+            Port("damping_Nms_rad", 0.0, 1.001 * self.damping, "added damping"),
             Port.choice("mode_ahead", Mode, "2 while the set torque follows the limb's motion"),
-            Port.flag("request_ok", "that of the input, and 0 with a corrupt state or tunable"),
+            Port.flag("request_ok", "request_ok of the input; 0 with a corrupt state or tunable"),
             around("u_command_Nm", self.u_lim, "command for the limits, at the motor shaft"),
-            Port("given_J", 0.0, 1.001 * self.given_lim, "energy given beyond the wanted torque's"),
-            Port("held_J", 0.0, self.held_lim, "that, and what drive and command may still give"),
+            Port("given_J", 0.0, 1.001 * self.given_lim, "energy beyond the desired torque's"),
+            Port("held_J", 0.0, self.held_lim, "energy delivered and still in drive and command"),
             status_port(
-                "what is known of this step",
+                "status of this step",
                 "an input was NaN or outside its range; the command is 0",
-                "the state was corrupt, all is forgotten: the limits latch",
-                Flag("DAMPED", "damping is added to what is wanted"),
-                Flag(
-                    "COMMAND_CLOSED", "the command was cut: the drive holds as much as it may give"
-                ),
-                Flag("FAST", "the drive is faster than the bound reckons with"),
+                "the state was corrupt and was reset; the limits latch",
+                Flag("DAMPED", "damping is added"),
+                Flag("COMMAND_CLOSED", "the command was reduced: the energy bound is reached"),
+                Flag("FAST", "the drive is faster than the energy bound assumes"),
             ),
         )
 

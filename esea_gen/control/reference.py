@@ -57,7 +57,7 @@ def adapted_inputs(device: DeviceData) -> tuple[Port, ...]:
         return ()
     return (
         gain_port(device),
-        around("wish_shift_Nm", shift_limit_Nm(device), "what is added to it"),
+        around("wish_shift_Nm", shift_limit_Nm(device), "torque added to the desired torque"),
     )
 
 
@@ -67,7 +67,7 @@ def impaired_inputs(device: DeviceData) -> tuple[Port, ...]:
     full = threshold(device.tau_full_scale_Nm)
     return (
         around("tau_impairment_Nm", full, "torque of the impairment"),
-        Port.flag("impairment_ok", "0 where the impairment cannot be computed"),
+        Port.flag("impairment_ok", "0: the impairment cannot be computed"),
     )
 
 
@@ -102,8 +102,8 @@ class _Reference:
         self.equations = equations(EQUATIONS, law=IMPEDANCE_LAW)
         self.streams = STREAMS
         full = self.full_scale
-        pulls = "stiffness: higher pulls harder to the wanted angle"
-        resists = "damping: higher resists motion other than the wanted one"
+        pulls = "stiffness: higher pulls harder to the desired angle"
+        resists = "damping: higher resists motion other than the desired one"
         blends = "time constant from the measured torque to a new law: longer is gentler"
         soon = "a fifth of a second is felt as smooth and over before a movement is"
         narrow = "largest |set torque|: may only be narrowed below the identified range"
@@ -117,19 +117,19 @@ class _Reference:
         self.coefficients = (
             Port("Kp_Nm_rad", 0.0, self.kp_high, "stiffness", equation="(5.24)"),
             Port("Kd_Nms_rad", 0.0, self.kd_high, "damping", equation="(5.24)"),
-            Port("keep", 0.0, 1.0, "share of the offset that a step keeps"),
+            Port("keep", 0.0, 1.0, "share of the offset kept in a step"),
             Port("tau_range_Nm", 0.0, self.full_scale, "largest |set torque|"),
         )
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
-            Port.choice("mode", Mode, "wanted mode"),
-            around("tau_desired_Nm", self.tau_lim, "wanted interaction torque"),
-            Port("theta_desired_rad", low, high, "wanted angle of the joint"),
-            around("omega_desired_rad_s", self.omega_lim, "wanted rate of the joint"),
+            Port.choice("mode", Mode, "desired mode"),
+            around("tau_desired_Nm", self.tau_lim, "desired interaction torque"),
+            Port("theta_desired_rad", low, high, "desired angle of the joint"),
+            around("omega_desired_rad_s", self.omega_lim, "desired rate of the joint"),
             Port("theta_load_rad", low, high, "load side's angle"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             around("tau_Nm", self.tau_lim, "measured interaction torque on the load"),
-            Port.flag("wish_ok", "1 while what is desired is sound"),
+            Port.flag("wish_ok", "1 while the desired values are valid"),
             *adapted_inputs(self.device),
             *impaired_inputs(self.device),
         )
@@ -137,15 +137,15 @@ class _Reference:
         self.outputs = (
             around("tau_set_Nm", self.full_scale, "set torque, for the inverse"),
             around("tau_hold_Nm", self.wish_lim, "desired torque that alone gives the set torque"),
-            around("tau_blend_Nm", self.wish_lim, "that of it which the fading offset is worth"),
-            Port.choice("mode", Mode, "mode that holds in this step"),
-            Port.flag("request_ok", "1 while every input and the memory are sound"),
+            around("tau_blend_Nm", self.wish_lim, "part of it that comes from the decaying offset"),
+            Port.choice("mode", Mode, "active mode in this step"),
+            Port.flag("request_ok", "1 while all inputs and the state are valid"),
             status_port(
-                "what is known of this set torque",
+                "status of this set torque",
                 "an input was NaN or outside its range; the limits latch",
                 "the state was corrupt; the limits latch",
                 Flag("CLIPPED", clipped, True, ("tau_set_Nm",), self.full_scale),
-                Flag("ENTERED", "a law took over in this step, from where the torque was"),
+                Flag("ENTERED", "a law took over in this step, from the present torque"),
             ),
         )
 

@@ -55,12 +55,12 @@ class _SetRates:
         fast = "the acceleration was clipped"
         self.outputs = (
             around("delta_set_rad", self.delta_lim, "deflection set-point"),
-            around(rate, self.rate_lim, "its rate"),
-            around(acc, self.acc_lim, "its acceleration"),
+            around(rate, self.rate_lim, "rate of the set-point"),
+            around(acc, self.acc_lim, "acceleration of the set-point"),
             status_port(
-                "what is known of this set-point",
-                "the set-point was NaN or outside its range; it is held",
-                "the state was corrupt; started afresh",
+                "status of this set-point",
+                "the set-point was NaN or outside its range; the last one is held",
+                "the state was corrupt; restarted",
                 Flag("RATE_CLIPPED", clipped, True, (rate,), self.rate_lim),
                 Flag("ACCELERATION_CLIPPED", fast, True, (acc,), self.acc_lim),
             ),
@@ -90,8 +90,8 @@ class _SetObserver(_SetRates):
             Port.flag("primed", "1 once a valid sample has been seen"),
             around("held_rad", self.delta_lim, "last valid set-point"),
             around("delta_rad", self.delta_room, "filtered set-point"),
-            around("rate_rad_s", self.rate_room, "its rate"),
-            around("acc_rad_s2", self.acc_room, "its acceleration"),
+            around("rate_rad_s", self.rate_room, "filtered rate"),
+            around("acc_rad_s2", self.acc_room, "filtered acceleration"),
         )
 
     def prepare(self, t: SimpleNamespace) -> dict[str, Any]:

@@ -76,14 +76,14 @@ class _Trend:
         self.name = name
         self.title = "Desired torque, extrapolated from its past"
         self.coefficients = (
-            Port("quick", 0.0, 1.0, "1 less the pole, without noise"),
-            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 over what halves it"),
+            Port("quick", 0.0, 1.0, "1 minus the pole, without noise"),
+            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 / noise that halves the bandwidth"),
         )
         self.inputs: tuple[Port, ...] = (
-            around("tau_wanted_Nm", self.tau_lim, "wanted torque now", on_invalid="last_Nm"),
+            around("tau_wanted_Nm", self.tau_lim, "present desired torque", on_invalid="last_Nm"),
         )
         if self.ends_s:
-            self.inputs += (around("u_Nm", self.u_lim, "command that holds", on_invalid=0.0),)
+            self.inputs += (around("u_Nm", self.u_lim, "present command", on_invalid=0.0),)
         self.equations = equations(EQUATIONS + (ALONG if self.ends_s else ""))
         self.streams = OwnStreams(_events)
         own, low = min(BANDWIDTH_HZ, self.high_Hz), min(BANDWIDTH_LOW_HZ, 0.5 * self.high_Hz)
@@ -96,35 +96,37 @@ class _Trend:
         )
         self.state: tuple[Port, ...] = (
             Port.flag("primed", "1 once a valid value has been seen"),
-            around("last_Nm", self.tau_lim, "wanted torque of the last step"),
+            around("last_Nm", self.tau_lim, "desired torque of the last step"),
             around("raw_Nm", self.step_lim, "last two increments, newest first", 2),
-            around("grown_Nm", self.step_lim, "the same without steps", 2),
+            around("grown_Nm", self.step_lim, "last two increments without steps", 2),
             Port("noise_Nm", 0.0, self.noise_lim, "mean second difference of the increments"),
-            Port("stepped", 0.0, 1.0, "1 after a step, fading"),
-            around("miss_Nm", self.miss_lim, "wanted torque less the observer's"),
-            around("rate_Nm_s", self.rate_lim, "rate of the wanted torque"),
-            around("acc_Nm_s2", self.acc_lim, "its acceleration"),
+            Port("stepped", 0.0, 1.0, "1 after a step, decaying"),
+            around("miss_Nm", self.miss_lim, "desired torque minus the observer's estimate"),
+            around("rate_Nm_s", self.rate_lim, "rate of the desired torque"),
+            around("acc_Nm_s2", self.acc_lim, "second derivative"),
         )
         if self.ends_s:
             most = threshold(1.01 * self.rate_lim**2), threshold(1.01 * self.acc_lim**2)
             self.state += (
-                Port("rates_Nm2_s2", 0.0, most[0], "mean square of that rate"),
-                Port("accs_Nm2_s4", 0.0, most[1], "mean square of that acceleration"),
-                Port("effort", 0.0, 1.01, "mean square of the command, over the largest"),
+                Port("rates_Nm2_s2", 0.0, most[0], "mean square of the rate"),
+                Port("accs_Nm2_s4", 0.0, most[1], "mean square of the acceleration"),
+                Port("effort", 0.0, 1.01, "mean square of the command relative to the largest"),
             )
         n = len(self.ends_s)
-        ahead = around("tau_ahead_Nm", self.tau_lim, "wanted torque at the intervals' ends", n or 1)
+        ahead = around(
+            "tau_ahead_Nm", self.tau_lim, "desired torque at the intervals' ends", n or 1
+        )
         self.outputs = (
             *((ahead,) if n else ()),
-            around("tau_rate_Nm_s", self.rate_lim, "its rate now"),
-            around("tau_curve_Nm_s2", self.acc_lim, "its acceleration now"),
-            Port("trust", 0.0, 1.0, "share of both that is believed"),
-            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
+            around("tau_rate_Nm_s", self.rate_lim, "present rate of the desired torque"),
+            around("tau_curve_Nm_s2", self.acc_lim, "present second derivative"),
+            Port("trust", 0.0, 1.0, "trust in rate and acceleration, 0 to 1"),
+            Port("settled", 0.0, 1.0, "0 after a step, rising to 1"),
             status_port(
-                "what is known of it",
-                "the input was NaN or outside its range; the last one counts",
-                "the state was corrupt; started afresh",
-                Flag("CLIPPED", "rate or acceleration is at its range", True),
+                "status",
+                "the input was NaN or outside its range; the last one is used",
+                "the state was corrupt; restarted",
+                Flag("CLIPPED", "rate or acceleration was clipped at its range", True),
             ),
         )
 
@@ -172,7 +174,7 @@ class _Trend:
         acc = label("acc_Nm_s2", clip(acc, -self.acc_lim, self.acc_lim), "acceleration")
         left = clip((pole * pole * pole) * miss, -self.miss_lim, self.miss_lim)
         many = ca.fmin(c.noises_1_Nm * noise, LOUDEST) * (1 / MANY_NOISES)
-        trust = label("trust", 1 / (1 + many * many), "share of the motion that is believed")
+        trust = label("trust", 1 / (1 + many * many), "trust in rate and acceleration")
         seen = SimpleNamespace(rate=rate, acc=acc, trust=trust, q=q)
         ahead, means = self.along(s, u, seen, label) if self.ends_s else ([], {})
         next_state = {

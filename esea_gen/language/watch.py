@@ -18,14 +18,14 @@ LATE_MOST = (
 )
 LATE_FULL = 255  # where it stays
 
-CLOCK_OK = Port.flag("clock_ok", "1 when this tick followed the one before", on_invalid=0.0)
+CLOCK_OK = Port.flag("clock_ok", "1 when this tick follows the last one", on_invalid=0.0)
 LATE_LEVEL = Port.count(
     "late_level",
     LATE_FULL,
     f"runs that were late: {LATE_STEP} for each, 1 off at each tick",
     on_invalid=LATE_FULL,
 )
-COEFFS_OK = Port.flag("coeffs_ok", "1 once the coefficients were found as prepared")
+COEFFS_OK = Port.flag("coeffs_ok", "1 once the coefficients passed their check")
 WATCHED = {p.name: p for p in (CLOCK_OK, LATE_LEVEL, COEFFS_OK)}
 TICKS = 2**32
 

@@ -147,9 +147,9 @@ class _TorqueSensor:
             around("tau_rate_Nm", tau, f"Maxwell element: {torque}", equation="(3.3)"),
             around("tau_hysteresis_Nm", tau, f"stop operators: {torque}", equation="(3.9)"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "an input was NaN or outside its physical range; the last deflection is held",
-                "the state was corrupt; the model was started afresh",
+                "the state was corrupt; the model was restarted",
                 Flag("THETA_OUTSIDE", "|deflection| is outside the identified domain"),
                 Flag("RATE_OUTSIDE", "|deflection rate| is outside the identified domain"),
                 Flag("TORQUE_OUTSIDE", "|torque| is above full scale", False, ("tau_Nm",), full),

@@ -181,43 +181,41 @@ class _Encoder:
         self.constants = _constants(device, side, self.bits, self.step_max, self.held_max)
         self.tunables = _tunables(self.own)
         self.coefficients = (
-            around("offset_rad", math.pi, "angle of the encoder where the joint is at 0"),
-            Port.flag("zeroed", "1 when a calibration has set the zero"),
+            around("offset_rad", math.pi, "encoder angle at joint angle 0"),
+            Port.flag("zeroed", "1 when the zero has been calibrated"),
         )
         self.inputs = (
-            Port.count("count", self.full - 1, "raw count as the chip gives it"),
-            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("count", self.full - 1, "raw count of the encoder chip"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "frame errors; 0: none"),
         )
         self.equations = equations(EQUATIONS + (CORRECTED if self.table else PLAIN))
         self.streams = STREAMS
         self.state = (
             Port.count("count_last", self.full - 1, "count of the last good frame"),
             around("turn", TURNS, "whole turns of the encoder"),
-            Port.count("held", self.held_max + 1, "bad frames in a row; stays at its end"),
-            Port.count("settled", SETTLED, "frames that agreed since the start; stays at its end"),
-            Port.flag("lost", "1 once the reference is lost, until init"),
+            Port.count("held", self.held_max + 1, "bad frames in a row; saturates"),
+            Port.count("settled", SETTLED, "consistent frames since the start; saturates"),
+            Port.flag("lost", "1 when the reference is lost; until init"),
         )
         angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
         away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
         late = "more bad frames in a row than may be bridged: not usable"
         self.outputs = (
             around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
-            Port.flag("usable", "1 when the angle can be used"),
+            Port.flag("usable", "1 when the angle is usable"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
+                "the state was corrupt; the encoder was restarted",
+                Flag("FRAME_ERROR", "the frame failed its checks; angle held", True),
                 Flag(
                     "IMPLAUSIBLE_STEP",
                     "the angle moved faster than the joint can; angle held",
                     True,
                 ),
                 Flag("HELD_TOO_LONG", late, True),
-                Flag("SETTLING", "too few frames that agree since the start: not usable"),
-                Flag("NOT_ZEROED", "no calibration has set the zero: not usable"),
+                Flag("SETTLING", "too few consistent frames since the start; not usable"),
+                Flag("NOT_ZEROED", "the zero has not been calibrated; not usable"),
                 Flag("REFERENCE_LOST", away),
             ),
         )

@@ -64,11 +64,11 @@ class _FamilyInverse:
             around("theta_rad", self.theta_lim, "deflection set-point"),
             around("omega_mid_rad_s", self.omega_lim, "rate of the set-point over this step"),
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
-            around("residual_Nm", room, "request less the model's torque"),
+            around("residual_Nm", room, "request minus the model's torque"),
             status_port(
-                "what is known of this set-point",
+                "status of this set-point",
                 "an input was NaN or outside its range; the set-point is held",
-                "the state was corrupt; the model was started afresh",
+                "the state was corrupt; the model was restarted",
                 Flag("THETA_OUTSIDE", theta, False, ("theta_rad",), d["theta"]),
                 Flag("RATE_OUTSIDE", rate, False, ("omega_mid_rad_s",), d["omega"]),
                 Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
@@ -118,7 +118,7 @@ class _FamilyInverse:
         theta = label("set_point_rad", theta, "invalid input: hold")
         state, torque, _ = self.at(s, theta, guard.state_ok, factor)
         state["primed"] = ca.logic_or(primed, guard.inputs_ok)
-        residual = label("residual_Nm", u.tau_Nm - torque, "request less the model's torque")
+        residual = label("residual_Nm", u.tau_Nm - torque, "request minus the model's torque")
         moved = label("moved_rad", ca.if_else(primed, theta - last, 0), "move of the set-point")
         omega = moved * (1 / self.h)
         at_limit = ca.fabs(theta) >= self.theta_lim

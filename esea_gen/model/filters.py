@@ -96,9 +96,9 @@ class _TrackingObserver:
             around(both[0], self.omega_lim, f"{self.what} rate at this sample"),
             around(both[1], self.omega_lim, mid, finer=FINER),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 f"the {self.what} was NaN or outside its range; the last estimate is held",
-                "the state was corrupt; the observer was started afresh",
+                "the state was corrupt; the observer was restarted",
                 Flag("RATE_CLIPPED", clipped, True, both, self.omega_lim),
             ),
         )

@@ -79,7 +79,7 @@ class _GearEncoder:
         )
         self.inputs = (
             Port.count("count", self.full - 1, "raw count of the shaft"),
-            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "frame errors; 0: none"),
         )
         self.equations = equations(EQUATIONS)
         self.streams = OwnStreams(_events)
@@ -92,28 +92,24 @@ class _GearEncoder:
         self.state = (
             Port.count("count_last", self.full - 1, "count of the last good frame"),
             around("moved", self.moved_max, "counts turned since the start"),
-            Port.count("held", self.held_max, "bad frames in a row; stays at its end"),
-            Port.flag("started", "1 once there was a good frame"),
+            Port.count("held", self.held_max, "bad frames in a row; saturates"),
+            Port.flag("started", "1 after the first good frame"),
             around("omega_rad_s", self.rate_lim, "rate of the last step"),
         )
         most = self.moved_max / self.counts_rad * (1 + 1e-6)
         lost = "no frame yet, or more were bad than may be bridged: starts again"
         self.outputs = (
-            around(
-                "theta_gear_rad", most, "by what the drive has turned the joint since the start"
-            ),
-            around("omega_gear_rad_s", self.rate_lim, "its rate, without a filter"),
-            Port.flag("gear_usable", "1 when the angle goes on from the step before"),
+            around("theta_gear_rad", most, "joint angle by the drive's encoder"),
+            around("omega_gear_rad_s", self.rate_lim, "rate of that angle, unfiltered"),
+            Port.flag("gear_usable", "1 when the angle is continuous with the last step"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "count or frame word was NaN or outside its range",
-                "the state was corrupt; the encoder was started afresh",
-                Flag(
-                    "FRAME_ERROR", "the frame's own checks say that it is wrong; angle held", True
-                ),
+                "the state was corrupt; the encoder was restarted",
+                Flag("FRAME_ERROR", "the frame failed its checks; angle held", True),
                 Flag("IMPLAUSIBLE_STEP", "the shaft moved faster than it can; angle held", True),
                 Flag("NOT_USABLE", lost, True),
-                Flag("RANGE_LEFT", "turned by more than the joint's whole range", True),
+                Flag("RANGE_LEFT", "turned by more than the joint's range of motion", True),
             ),
         )
 

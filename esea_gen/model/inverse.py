@@ -65,9 +65,9 @@ def _exact_status(device: DeviceData, theta_high: float, omega_high: float) -> P
     theta_most, omega_most = threshold(d.theta_max_rad.value), threshold(d.omega_max_rad_s.value)
     step_most = threshold(omega_high * device.period_s)
     return status_port(
-        "what is known of this set-point",
+        "status of this set-point",
         "an input was NaN or outside its range; the set-point is held",
-        "the state was corrupt; the model was started afresh",
+        "the state was corrupt; the model was restarted",
         Flag("THETA_OUTSIDE", f"{outside} the identified domain", False, theta, theta_most),
         Flag("RATE_OUTSIDE", f"{faster} the identified domain", False, omega, omega_most),
         Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
@@ -130,9 +130,9 @@ class _Exact:
         room = REQUEST_ROOM * self.tau_lim
         self.outputs = (
             around("theta_rad", self.theta_high, "deflection set-point"),
-            around("omega_mid_rad_s", self.omega_high, "rate that feeds the viscosity"),
+            around("omega_mid_rad_s", self.omega_high, "rate used for the viscous torque"),
             around("tau_model_Nm", self.tau_lim, "the model's torque at the set-point"),
-            around("residual_Nm", 2 * room, "request less the model's torque"),
+            around("residual_Nm", 2 * room, "request minus the model's torque"),
             around("step_rad", 2 * self.theta_high, "move of the set-point in this step"),
             self.known,
         )

@@ -52,11 +52,11 @@ def deflection(device: DeviceData) -> Block:
             Port("theta_load_rad", -reach, reach, angle + "load side of the coupling"),
             Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
             Port.flag("load_usable", "1 when the load-side encoder is usable"),
-            *([Port.flag("agree", "1 when nothing contradicts it")] if compared else []),
+            *([Port.flag("agree", "1 when the other sensors agree")] if compared else []),
         ),
         outputs=(
             Port("theta_rad", -theta_lim, theta_lim, "deflection: motor side minus load side"),
-            Port.flag("sensing_ok", "1 when the deflection, and what is made of it, holds"),
+            Port.flag("sensing_ok", "1 when the deflection and the torque from it are valid"),
             _status(theta_lim, compared),
         ),
         equations=equations("(5.4) | delta | theta_m - theta_l | deflection"),
@@ -69,13 +69,13 @@ def _status(theta_lim: float, compared: bool) -> Port:
     beyond = "the deflection is beyond its physical range and was clipped"
     flags = [
         Flag("INPUT_INVALID", "an angle was NaN or outside its range", True),
-        Flag("ENCODER_UNUSABLE", "an encoder says that its angle cannot be used", True),
+        Flag("ENCODER_UNUSABLE", "an encoder reports an unusable angle", True),
         Flag("DEFLECTION_OUTSIDE", beyond, True, ("theta_rad",), theta_lim),
     ]
     if compared:
         flags.append(Flag("CONTRADICTED", CONTRADICTED, True))
     most = 2 ** len(flags) - 1
-    return Port("status", 0, most, "what is known of this sample", flags=tuple(flags))
+    return Port("status", 0, most, "status of this sample", flags=tuple(flags))
 
 
 def _events(block: Block, rng: np.random.Generator) -> list[Stream]:

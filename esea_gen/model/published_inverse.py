@@ -162,9 +162,9 @@ class _Published:
             around("theta_rad", high, "deflection set-point", equation="(4.7)"),
             around("u_Nm", self.tau_lim, "request corrected by the observed disturbance"),
             status_port(
-                "what is known of this set-point",
+                "status of this set-point",
                 "an input was NaN or outside its range; taken as zero",
-                "the state was corrupt; started afresh",
+                "the state was corrupt; restarted",
                 Flag("TORQUE_OUTSIDE", "|request| is above full scale"),
                 Flag("REQUEST_CLAMPED", clamped, True, both, high),
                 *((Flag("STEP_CLIPPED", fast, True),) if self.taps else ()),

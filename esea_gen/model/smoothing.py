@@ -61,9 +61,9 @@ def smoothed_deflection(device: DeviceData) -> Block:
         outputs=(
             around("theta_smooth_rad", 2 * limit, text, equation="[near]"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "deflection or rate was NaN or outside its range; the last one is held",
-                "the state was corrupt; it was started afresh",
+                "the state was corrupt; smoothing was restarted",
             ),
         ),
         equations=equations(EQUATIONS),

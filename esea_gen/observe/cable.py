@@ -96,39 +96,37 @@ class _Cable:
         stiff = [c for c in self.device.constants("redundancy") if c.name == "cable_Nm_rad"]
         self.constants = (*own, *stiff)
         self.state = (
-            Port.flag("primed", "1 when the last sample could be compared"),
-            around("high_rad", self.end_lim, "end of the gap at which the gear pulls upward"),
-            around("low_rad", self.end_lim, "its other end"),
-            Port.flag("high_shown", "1 once a torque has shown that end"),
-            Port.flag("low_shown", "1 once a torque has shown the other"),
+            Port.flag("primed", "1 when the last sample was comparable"),
+            around("high_rad", self.end_lim, "end of the gap at which the gear pulls upwards"),
+            around("low_rad", self.end_lim, "other end of the gap"),
+            Port.flag("high_shown", "1 once a torque has shown the upper end"),
+            Port.flag("low_shown", "1 once a torque has shown the lower end"),
             Port.flag("taut", "1 while the cable is at an end"),
-            around("mean_rad", self.turned_lim, "mean of the angle between its ends since then"),
-            around("mean_Nm", pull_Nm, "mean of what it carried since then"),
+            around("mean_rad", self.turned_lim, "mean angle since the cable became taut"),
+            around("mean_Nm", pull_Nm, "mean torque since the cable became taut"),
             Port("give_rad_Nm", 0.0, self.softest, GIVES, init=self.give),
         )
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
-            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            around("theta_gear_rad", self.gear_lim, "joint angle by the drive's encoder"),
             Port.flag("gear_usable", "1 when the motor's encoder is usable"),
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
             Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
-            around("tau_Nm", self.drive.tau_Nm, "interaction torque, which the cable carries"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque, carried by the cable"),
             around("omega_gear_rad_s", self.drive.omega_rad_s, "gear's rate, at the joint"),
-            Port.choice("mode", Mode, "mode that holds"),
-            around(
-                "theta_rad", self.drive.delta_rad, "deflection, as the joint's encoders show it"
-            ),
+            Port.choice("mode", Mode, "active mode"),
+            around("theta_rad", self.drive.delta_rad, "deflection by the joint's encoders"),
         )
         self.outputs = (
-            around("delta_rad", self.drive.delta_rad, "deflection with the motor side by the gear"),
-            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            around("delta_rad", self.drive.delta_rad, "deflection, motor side by the gear"),
+            around("wound_rad", self.wound_lim, "gear minus motor-side angle, from mid-gap"),
             Port("give_rad_Nm", 0.0, self.softest, GIVES),
             Port("gap_rad", 0.0, threshold(self.most), "whole backlash"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "an input was NaN or outside its range",
-                "the state was corrupt; the gap is learnt afresh",
-                Flag("NOT_COMPARED", "an encoder cannot be used: a cable in the middle of its gap"),
+                "the state was corrupt; the gap is learned again",
+                Flag("NOT_COMPARED", "an encoder is unusable; mid-gap is assumed"),
             ),
         )
 

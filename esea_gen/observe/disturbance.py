@@ -149,29 +149,29 @@ class _DriveObserver:
 
     def _ports(self, drive: Drive) -> None:
         self.coefficients = (
-            Port("share", 0.0, 1.0, "taken up in one step", equation="(5.5)"),
-            Port("keep", 0.0, 1.0, "kept in one step", equation="(5.5)"),
+            Port("share", 0.0, 1.0, "share taken up in a step", equation="(5.5)"),
+            Port("keep", 0.0, 1.0, "share kept in one step", equation="(5.5)"),
         )[: 2 * len(self.tunables)]
         # Every part of (5.2) at its largest; the port's range only, nothing is clipped there.
         x = self.numbers
         most = x[N] * self.u_lim + x[FV] * drive.omega_rad_s + x[FC]
         reach = (most + drive.tau_Nm * (1 + self.loss)) / x[J] * 1.001
         moving = (
-            around("a_rad_s2", self.a_lim, "acceleration behind the lag"),
-            Port("moved_rad_s2", 0.0, self.a_lim, "its largest of late"),
+            around("a_rad_s2", self.a_lim, "acceleration after the lag"),
+            Port("moved_rad_s2", 0.0, self.a_lim, "largest recent acceleration"),
         )
         self.state = (
             Port.flag("primed", "1 when the last sample was valid"),
             around("omega_last_rad_s", drive.omega_rad_s, "motor side's rate, last step"),
             around("passive_rad_s2", reach, "friction and coupling, last step"),
-            around("u_held_Nm", self.u_lim, "command that the motor holds"),
+            around("u_held_Nm", self.u_lim, "present motor command"),
             around("u_a_Nm", self.u_lim, "motor torque", equation="(5.1)"),
             around("d4_rad_s2", self.d_lim, "disturbance", equation="(5.5)"),
             *(moving if self.fixed else ()),
         )
         by_gear = self.omega == "omega_gear_rad_s"
         rate = "rate of the motor's encoder" if by_gear else "motor side's rate"
-        command = "command that the motor holds from this tick on, at the motor shaft"
+        command = "motor command from this tick on, at the motor shaft"
         self.inputs = (
             around("u_Nm", self.u_lim, command, on_invalid=0.0),
             around(self.omega, drive.omega_rad_s, rate, on_invalid="omega_last_rad_s"),
@@ -179,15 +179,15 @@ class _DriveObserver:
         )
         d = "unexplained acceleration" if self.fixed else "disturbance of the drive"
         lag = "motor torque by the model of its lag"
-        late = "largest acceleration of late, behind the lag"
+        late = "largest recent acceleration, after the lag"
         more = () if by_gear else (around("u_a_Nm", self.u_lim, lag, equation="(5.1)"),)
         self.outputs = (
             around(self.d, self.d_lim, d, equation="(5.5)"),
             *((Port("moves_rad_s2", 0.0, self.a_lim, late),) if self.fixed else more),
             status_port(
-                "what is known of this estimate",
+                "status of this estimate",
                 "an input was NaN or outside its range; d4 is held",
-                "the state was corrupt; the observer was started afresh",
+                "the state was corrupt; the observer was restarted",
                 Flag(
                     "CLIPPED", "the estimate was clipped at its range", True, (self.d,), self.d_lim
                 ),
@@ -233,7 +233,7 @@ class _DriveObserver:
             clipped = ca.logic_or(clipped, ca.fabs(lagged) > self.a_lim)
             lagged = clip(lagged, -self.a_lim, self.a_lim)
             a = ca.if_else(ready, lagged, s.a_rad_s2)
-            a = label("a_rad_s2", a, "acceleration behind the lag")
+            a = label("a_rad_s2", a, "acceleration after the lag")
             moves = ca.fmax(ca.fabs(a), s.moved_rad_s2 * self.decay_moved)
             outputs["moves_rad_s2"] = label("moves_rad_s2", moves, "largest of late")
             next_state |= {"a_rad_s2": a, "moved_rad_s2": moves}

@@ -65,13 +65,13 @@ class _Parabola:
         self.inputs = (around("tau_h_Nm", self.tau_lim, text, 1, "(5.10)", on_invalid="last_Nm"),)
         fit, clipped = ("tau_h_fit_Nm",), "the fit was clipped at its range"
         self.outputs = (
-            around("tau_h_fit_Nm", self.tau_lim, "the parabola's value now"),
-            around("tau_h_rate_Nm_s", self.rate_lim, "its slope now"),
-            around("tau_h_curve_Nm_s2", self.curve_lim, "its second derivative"),
+            around("tau_h_fit_Nm", self.tau_lim, "present value of the parabola"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "present slope of the parabola"),
+            around("tau_h_curve_Nm_s2", self.curve_lim, "second derivative"),
             status_port(
-                "what is known of it",
-                "the input was NaN or outside its range; the last one counts",
-                "the state was corrupt; started afresh",
+                "status",
+                "the input was NaN or outside its range; the last one is used",
+                "the state was corrupt; restarted",
                 Flag("CLIPPED", clipped, True, fit, self.tau_lim),
             ),
         )

@@ -72,14 +72,16 @@ class _Lag:
         self.title = "Torque of the person: first-order lag"
         self.constants = device.constants("joint")
         self.equations = equations(LAG_EQUATIONS)
-        self.coefficients = (Port("share", 0.0, 1.0, "taken up in one step", equation="(5.10)"),)
+        self.coefficients = (
+            Port("share", 0.0, 1.0, "share taken up in a step", equation="(5.10)"),
+        )
         clipped = "the estimate was clipped at its range"
         self.outputs = (
             around("tau_h_Nm", self.tau_h_lim, "torque of the person", equation="(5.10)"),
             status_port(
-                "what is known of this estimate",
+                "status of this estimate",
                 "an input was NaN or outside its range; tau_h is held",
-                "the state was corrupt; the observer was started afresh",
+                "the state was corrupt; the observer was restarted",
                 Flag("CLIPPED", clipped, True, ("tau_h_Nm",), self.tau_h_lim),
             ),
         )
@@ -200,7 +202,7 @@ class _ExtendedState:
             *(k for k in device.constants("disturbance") if k.name.startswith("gain_")),
         )
         self.coefficients = (
-            Port("keep", 0.0, 1.0, "share of the torque's rate that a step keeps"),
+            Port("keep", 0.0, 1.0, "share of the torque's rate kept in a step"),
             Port("reach_s", 0.0, self.h, "torque gained in a step, per rate"),
         )
         self.facts = {"theta_load_est_rad": (self.theta_low, self.theta_high)}
@@ -232,13 +234,13 @@ class _ExtendedState:
         )
         self.outputs = (
             around("tau_h_Nm", self.tau_h_lim, "torque of the person"),
-            around("tau_h_rate_Nm_s", self.rate_lim, "its rate"),
+            around("tau_h_rate_Nm_s", self.rate_lim, "rate of that torque"),
             around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             Port("theta_load_est_rad", *ends, "load side's angle, corrected"),
             status_port(
-                "what is known of this estimate",
+                "status of this estimate",
                 unseen,
-                "the state was corrupt; the observer was started afresh",
+                "the state was corrupt; the observer was restarted",
                 *(
                     Flag(
                         f"{word}_CLIPPED", f"the {what} was clipped at its range", True, (n,), most

@@ -113,9 +113,9 @@ class _Butterworth:
         self.outputs = (
             around("omega_rad_s", self.limit, "filtered rate of the angle"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "the angle was NaN or outside its range; the rate is held",
-                "the state was corrupt; the filter was started afresh",
+                "the state was corrupt; the filter was restarted",
                 Flag("STEP_CLIPPED", jumped, True),
                 Flag("RATE_CLIPPED", fast, True, ("omega_rad_s",), self.limit),
             ),

@@ -275,7 +275,7 @@ def status_port() -> Port:
         Flag("INPUT_INVALID", "an input was NaN or outside its range and was replaced", True),
         Flag("STATE_REPAIRED", "the plant left its ranges and was started afresh", True),
     )
-    return Port("plant_status", 0, 3, "what is known of this step", flags=flags)
+    return Port("plant_status", 0, 3, "status of this step", flags=flags)
 
 
 _WORKS = {

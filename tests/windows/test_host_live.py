@@ -40,7 +40,7 @@ def lockstep(simulated_elbow):
 def test_numbers_become_words(lockstep):
     device, dialect = lockstep.identity.device, lockstep.session.dialect
     flags = {f.name: f for f in limit_flags(device)}
-    assert flags["rom low"].meaning == "pushing towards the lower end was held back"
+    assert flags["rom low"].meaning == "the command towards the lower end was reduced"
     rows = np.array([(0,), (1 << 13,), (1 << 12,)], [("limits_status", "u4")])  # as in the header
     assert flags["rom low"].held(rows).tolist() == [False, True, False]
     assert flags["passivity input invalid"].word == "passivity_status"

@@ -88,7 +88,7 @@ class _Cascade:
         most_s = threshold(self.lag_s + self.h)
         self.coefficients = (
             *(Port(t.name, t.low, t.high, t.meaning) for t in self.tunables),
-            Port("ahead_s", 0.0, most_s, "until a command acts", equation="[cas 1]"),
+            Port("ahead_s", 0.0, most_s, "time until a command takes effect", equation="[cas 1]"),
         )
         # As much as the outer gain makes of the largest torque.
         self.integral_lim = threshold(self.tunables[0].high * self.tau_lim)
@@ -100,12 +100,14 @@ class _Cascade:
         omega, rate = drive.omega_rad_s, drive.rate_rad_s
         turn, _ = motion_limits(device)
         self.inputs = (
-            Port.choice("mode", Mode, "mode that holds"),
+            Port.choice("mode", Mode, "active mode"),
             around("tau_set_Nm", self.tau_lim, "set torque"),
-            around("tau_rate_Nm_s", turn, "its rate"),
-            Port("governed", 0.0, 1.0, "share of that rate that is believed"),
+            around("tau_rate_Nm_s", turn, "rate of the set torque"),
+            Port("governed", 0.0, 1.0, "trust in that rate, 0 to 1"),
             around("delta_rate_rad_s", rate, "rate of the deflection set-point"),
-            around("delta_acc_rad_s2", threshold(ACCELERATION_ROOM * drive.d4_rad_s2), "its rate"),
+            around(
+                "delta_acc_rad_s2", threshold(ACCELERATION_ROOM * drive.d4_rad_s2), "its derivative"
+            ),
             around("tau_Nm", self.tau_lim, "interaction torque on the load"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person", equation="(5.10)"),
             around("omega_m_rad_s", threshold(1.01 * omega), "rate of the motor, at the joint"),
@@ -115,13 +117,13 @@ class _Cascade:
             around("u_applied_Nm", self.u_lim, "command that the limits let through"),
         )
         self.outputs = (
-            around("u_command_Nm", self.u_lim, "motor torque asked for; the limits come behind it"),
+            around("u_command_Nm", self.u_lim, "requested motor torque, before the limits"),
             status_port(
-                "what is known of this step",
-                "an input was NaN or outside its range; no torque is asked for",
-                "the state was corrupt; entered afresh",
+                "status of this step",
+                "an input was NaN or outside its range; the command is 0",
+                "the state was corrupt; the law was entered anew",
                 Flag("SATURATED", "the command was clipped", True, ("u_command_Nm",), self.u_lim),
-                Flag("INTEGRAL_RESTS", "the integral rests or is at its end", True),
+                Flag("INTEGRAL_RESTS", "the integral is held or at its limit", True),
             ),
         )
 

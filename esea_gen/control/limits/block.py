@@ -64,15 +64,15 @@ def command_stamp(device: DeviceData, *, checked: bool = False) -> Block:
         state=(Port.count("beats", BEATS, "last stamp"),),
         inputs=(
             around("u_command_Nm", reach, "the controller's motor torque"),
-            *((Port.flag("request_ok", "1 while what is wanted is sound"),) if checked else ()),
+            *((Port.flag("request_ok", "1 while the request is valid"),) if checked else ()),
         ),
         outputs=(
-            around("u_command_Nm", reach, "the same, 0 where it was invalid"),
+            around("u_command_Nm", reach, "the controller's motor torque; 0 where it was invalid"),
             Port.count("control_beat", BEATS, "changes with every run; 0 with an invalid command"),
             status_port(
-                "what is known of this command",
+                "status of this command",
                 "the command was NaN or outside its range; 0 is passed on",
-                "the count was corrupt; it starts again",
+                "the count was corrupt and restarts",
             ),
         ),
         step=step,
@@ -160,11 +160,11 @@ class _Limits:
         self.state = (
             Port.choice("key", Key, "state of the latch; any other number is corrupt"),
             Port.choice("fault_stored", Fault, "reason of the latch", high=last_code, init=1.0),
-            Port.count("fault_mirror", MIRROR, "255 less it", low=MIRROR - last_code, init=254),
-            Port.count("rearm_last", UNKNOWN, "last rearm; 8 unknown", init=UNKNOWN),
-            Port.count("rearm_mirror", MIRROR, "255 less it", low=MIRROR - UNKNOWN, init=247),
+            Port.count("fault_mirror", MIRROR, "255 minus it", low=MIRROR - last_code, init=254),
+            Port.count("rearm_last", UNKNOWN, "last rearm request; 8: unknown", init=UNKNOWN),
+            Port.count("rearm_mirror", MIRROR, "255 minus it", low=MIRROR - UNKNOWN, init=247),
             around("u_last_Nm", n.u_max, "last motor command"),
-            around("u_mirror_Nm", n.u_max, "the same, negated"),
+            around("u_mirror_Nm", n.u_max, "the last motor command, negated"),
             Port.count("beat_last", BEATS, "last stamp seen"),
             Port.count("age", n.stale_ticks, "periods since it changed", init=n.stale_ticks),
             Port.count("ticks", n.slot_ticks, "periods in the present slot"),
@@ -175,16 +175,16 @@ class _Limits:
         )
         delivered = "stamp of that command; 0 none delivered"
         left = "motor torque that the motor's temperature leaves; 0 latches"
-        counted = "whole number, one more for each request; 0 follows 7"
+        counted = "counter, increased by one for each request; 0 follows 7"
         motor_low, motor_high = n.load_low - n.theta_lim, n.load_high + n.theta_lim
         self.inputs = (
-            around("u_command_Nm", n.command_lim, "stamped command, at the motor shaft"),
+            around("u_command_Nm", n.command_lim, "command with stamp, at the motor shaft"),
             Port.count("control_beat", BEATS, delivered, on_invalid="beat_last"),
-            Port.choice("mode", Mode, "mode that holds"),
-            Port.flag("stop", "0 no, anything else stops", on_invalid=1.0),
+            Port.choice("mode", Mode, "active mode"),
+            Port.flag("stop", "0: no stop; any other number stops", on_invalid=1.0),
             Port.count("rearm", LAST_REARM, counted, on_invalid="rearm_last"),
-            Port.flag("request_ok", "1 while what is wanted is sound"),
-            Port.flag("sensing_ok", "1 while the measurements are good"),
+            Port.flag("request_ok", "1 while the request is valid"),
+            Port.flag("sensing_ok", "1 while the measurements are valid"),
             around("theta_rad", n.theta_lim, "deflection of the coupling"),
             Port("theta_motor_rad", motor_low, motor_high, "motor side's joint angle"),
             around("omega_motor_rad_s", n.omega_motor_lim, "motor side's speed"),
@@ -194,15 +194,15 @@ class _Limits:
             CLOCK_OK,
             LATE_LEVEL,
             COEFFS_OK,
-            *((Port.choice("doubt", Doubt, "what is doubted"),) if self.watched else ()),
+            *((Port.choice("doubt", Doubt, "suspected fault"),) if self.watched else ()),
             *((Port("u_thermal_Nm", 0.0, n.u_max, left),) if self.warms else ()),
         )
         most_J = float(np.float32(1.01 * (SLOTS + 1) * n.slot_lim))
         reason = "first reason of the latch, one of the FAULT numbers; 0 when released"
         self.outputs = (
             around("u_Nm", n.u_max, "motor torque, at the motor shaft"),
-            around("u_cut_Nm", n.u_max, "taken off by range of motion and speed"),
-            around("u_lag_Nm", 2 * n.u_max, "still missing because of the rate limit"),
+            around("u_cut_Nm", n.u_max, "reduction by the limits of motion and speed"),
+            around("u_lag_Nm", 2 * n.u_max, "command minus output, because of the rate limit"),
             Port("energy_J", 0.0, most_J, "energy given to the limb within the window"),
             Port.choice("fault", Fault, reason, high=last_code, codes=codes),
             limit_status(n.energy_max),

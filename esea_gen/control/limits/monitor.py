@@ -118,16 +118,16 @@ class _EncoderMonitor:
         )
         self.inputs = (
             Port.count("count", self.full - 1, "raw count", on_invalid="count_last"),
-            Port.count("frame_error", FRAME_ERROR_MAX, "what is wrong with the frame; 0 when good"),
+            Port.count("frame_error", FRAME_ERROR_MAX, "frame errors; 0: none"),
         )
         self.outputs = (
-            Port.choice("doubt", Doubt, "what is doubted"),
+            Port.choice("doubt", Doubt, "suspected fault"),
             status_port(
-                "what is doubted of this encoder",
-                "count or frame word was NaN or outside its range: nothing is judged by it",
-                "the state was corrupt; watched afresh",
-                Flag("BIT_STUCK", "a bit of the count stays while the joint moves"),
-                Flag("ROUGH", "the angle is rougher than a sound encoder's noise makes it"),
+                "suspected faults of this encoder",
+                "count or frame word was NaN or outside its range; the sample is skipped",
+                "the state was corrupt; the monitor restarts",
+                Flag("BIT_STUCK", "a bit of the count did not change while the joint moved"),
+                Flag("ROUGH", "the angle is noisier than that of an intact encoder"),
             ),
         )
 
@@ -191,27 +191,27 @@ class _Monitor:
         self.missed = threshold(MISSED * full)
         most = math.ceil(self.swing / (1 - self.decay)) + 1.0
         self.state = (
-            around("u_last_Nm", self.u_max, "command at the rate that the limits let by"),
-            Port.choice("limit_last", Limit, "limit at which that was last"),
-            Port("swings", 0.0, most, "swings of late, over the most", equation="[mon 5]"),
+            around("u_last_Nm", self.u_max, "rate-limited command"),
+            Port.choice("limit_last", Limit, "limit that it reached last"),
+            Port("swings", 0.0, most, "recent swings / swings that trip", equation="[mon 5]"),
             Port(
                 "missed_Nm", 0.0, 1.01 * (tau + full), "largest torque error since the last swing"
             ),
         )
         self.inputs = (
-            Port.choice("doubt_motor", Doubt, "doubt of the motor-side encoder"),
-            Port.choice("doubt_load", Doubt, "doubt of the load-side encoder"),
-            *([Port.choice("doubt_gear", Doubt, "doubt of the motor's own encoder")] * self.gear),
+            Port.choice("doubt_motor", Doubt, "suspected fault of the motor-side encoder"),
+            Port.choice("doubt_load", Doubt, "suspected fault of the load-side encoder"),
+            *([Port.choice("doubt_gear", Doubt, "suspected fault, motor's encoder")] * self.gear),
             around("u_command_Nm", command_range(device), "command before the limits"),
             around("tau_set_Nm", full, "set torque"),
             around("tau_Nm", tau, "measured interaction torque"),
         )
         self.outputs = (
-            Port.choice("doubt", Doubt, "what is doubted"),
+            Port.choice("doubt", Doubt, "suspected fault"),
             status_port(
-                "what is doubted",
+                "suspected fault",
                 "an input was NaN or outside its range",
-                "the state was corrupt; counted afresh",
+                "the state was corrupt; counting restarts",
                 Flag("SWINGS", "the command swings from one limit to the other too often"),
             ),
         )

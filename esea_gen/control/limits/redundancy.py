@@ -48,37 +48,37 @@ class _Redundancy:
         self.title = "Whether encoders and motor torque contradict one another"
         self.constants = (*device.constants("redundancy"), *self.inertia())
         self.state = (
-            around("zero_rad", self.angle_lim, "drive's angle less the motor side's, at rest"),
-            Port.flag("zeroed", "1 once that is set"),
+            around("zero_rad", self.angle_lim, "drive angle minus motor-side angle, at rest"),
+            Port.flag("zeroed", "1 once this offset is set"),
         )
         self.equations = equations(EQUATIONS)
         low, high = self.drive.theta_low_rad, self.drive.theta_high_rad
         self.inputs = (
             Port("theta_motor_rad", low, high, "joint angle, motor side of the coupling"),
             Port.flag("motor_usable", "1 when the motor-side encoder is usable"),
-            around("theta_gear_rad", self.gear_lim, "by what the drive has turned the joint"),
+            around("theta_gear_rad", self.gear_lim, "joint angle by the drive's encoder"),
             Port.flag("gear_usable", "1 when the motor's encoder is usable"),
-            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration that (5.2) leaves over"),
-            around("tau_Nm", self.drive.tau_Nm, "interaction torque that the coupling shows"),
-            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "how hard the drive was moved"),
+            around("d_gear_rad_s2", self.drive.d4_rad_s2, "acceleration not explained by (5.2)"),
+            around("tau_Nm", self.drive.tau_Nm, "interaction torque measured by the coupling"),
+            Port("moves_rad_s2", 0.0, 4 * self.drive.d4_rad_s2, "recent acceleration of the drive"),
         )
         self.outputs = (
-            Port.flag("agree", "1 when nothing that can be compared parts"),
-            around("apart_rad", self.apart_lim, "drive's angle less the motor side's"),
-            around("apart_Nm", self.torque_lim, "torque at the drive that nothing explains"),
-            Port("room_Nm", 0.0, self.room_lim, "how large that may be now"),
+            Port.flag("agree", "1 when all comparable sensors agree"),
+            around("apart_rad", self.apart_lim, "drive angle minus motor-side angle"),
+            around("apart_Nm", self.torque_lim, "unexplained torque at the drive"),
+            Port("room_Nm", 0.0, self.room_lim, "present limit of the unexplained torque"),
             status_port(
-                "what is known of this sample",
+                "status of this sample",
                 "an input was NaN or outside its range",
-                "the state was corrupt, the zero is lost: the limits latch",
-                Flag("NOT_COMPARED", "an encoder cannot be used: nothing is vouched for"),
+                "the state was corrupt and the zero is lost; the limits latch",
+                Flag("NOT_COMPARED", "an encoder is unusable; no comparison"),
                 Flag(
                     "ANGLES_PART",
-                    "the motor's encoder and the motor-side one contradict each other",
+                    "the motor's encoder contradicts the motor-side encoder",
                 ),
                 Flag(
                     "TORQUES_PART",
-                    "the drive moves otherwise than motor and coupling would move it",
+                    "the drive's motion contradicts the torques of motor and coupling",
                 ),
             ),
         )

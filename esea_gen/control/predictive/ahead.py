@@ -96,10 +96,10 @@ class _Ahead:
     def _ports(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
         full = self.full_scale
         inputs = [
-            Port.choice("mode", Mode, "mode that holds"),
-            around("tau_preview_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)
+            Port.choice("mode", Mode, "active mode"),
+            around("tau_preview_Nm", self.tau_lim, "desired torque at the intervals' ends", self.n)
             if self.torque_given
-            else around("tau_wanted_Nm", self.tau_lim, "wanted torque now"),
+            else around("tau_wanted_Nm", self.tau_lim, "present desired torque"),
             around("offset_Nm", self.widest, "from the law to where the torque was, now"),
             Port("keep", 0.0, 1.0, "share of the offset that a sensing period keeps"),
             # Above 0, so that no clip has both ends at a zero, of which there are two.
@@ -114,19 +114,21 @@ class _Ahead:
             # Along the horizon, not as a torque that holds: the law knows how the limb will move.
             inputs.append(Port("damping_Nms_rad", 0.0, self.kd_high, "damping that was added"))
         flags = (Flag("INPUT_INVALID", "an input was NaN or outside its range; off", True),)
-        outputs = [around("tau_d_Nm", self.tau_lim, "wanted torque at the intervals' ends", self.n)]
+        outputs = [
+            around("tau_d_Nm", self.tau_lim, "desired torque at the intervals' ends", self.n)
+        ]
         if self.one_layer:
             word = "preview" if self.given else "wanted"
             inputs += [
-                Port(f"theta_{word}_rad", self.low, self.high, "wanted angle", self.many),
-                around(f"omega_{word}_rad_s", self.omega_lim, "wanted rate", self.many),
+                Port(f"theta_{word}_rad", self.low, self.high, "desired angle", self.many),
+                around(f"omega_{word}_rad_s", self.omega_lim, "desired rate", self.many),
                 *gains,
                 Port("theta_load_rad", self.low, self.high, "load side's angle"),
                 around("omega_load_rad_s", self.omega_lim, "load side's rate"),
             ]
             outputs += [
-                Port("theta_d_rad", self.low, self.high, "wanted angle at these ends", self.n),
-                around("omega_d_rad_s", self.omega_lim, "wanted rate there", self.n),
+                Port("theta_d_rad", self.low, self.high, "desired angle at these ends", self.n),
+                around("omega_d_rad_s", self.omega_lim, "desired rate at these ends", self.n),
                 *gains,
             ]
         else:
@@ -134,9 +136,9 @@ class _Ahead:
             if self.passive:
                 inputs.append(around("omega_load_rad_s", self.omega_lim, "load side's rate"))
         outputs += [
-            Port.choice("mode", Mode, "mode that holds; 0 with an invalid input"),
+            Port.choice("mode", Mode, "active mode; 0 with an invalid input"),
             Port.flag("request_ok", "1 while every input is sound; else the limits latch"),
-            Port("status", 0, 1, "what is known of it", flags=flags),
+            Port("status", 0, 1, "status", flags=flags),
         ]
         return tuple(inputs), tuple(outputs)
 

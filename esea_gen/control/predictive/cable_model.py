@@ -76,7 +76,7 @@ class CableModel:
 
     def ports(self) -> tuple[Port, ...]:
         return (
-            around("wound_rad", self.wound_lim, "gear less motor side, from the gap's middle"),
+            around("wound_rad", self.wound_lim, "gear minus motor-side angle, from mid-gap"),
             Port("give_rad_Nm", 0.0, self.give_most, "one over the cable's stiffness"),
             Port("gap_rad", 0.0, self.gap_most, "whole backlash of the cable"),
         )

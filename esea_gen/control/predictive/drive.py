@@ -140,7 +140,7 @@ class _Drive:
             rate = around("omega_m_rad_s", fast, "motor side's rate")
         elif self.cable:
             rate = around("omega_gear_rad_s", fast, "gear's rate, at the joint")
-        curve = around("tau_h_curve_Nm_s2", 1e5, "its second derivative")
+        curve = around("tau_h_curve_Nm_s2", 1e5, "second derivative")
         self.references = {"tau_d": ("tau_d_Nm", preview)}
         self.inputs: tuple[Port, ...] = (
             around("delta_rad", drive.delta_rad, "deflection"),
@@ -153,16 +153,16 @@ class _Drive:
             *self.rubber.ports(),
             around("d4_rad_s2", drive.d4_rad_s2, "drive's disturbance", 1, "(5.5)"),
             around("tau_h_Nm", drive.tau_h_Nm, "torque of the person"),
-            around("tau_h_rate_Nm_s", 1e4, "its rate"),
+            around("tau_h_rate_Nm_s", 1e4, "rate of the person's torque"),
             *((curve,) if self.published else ()),
             Port.choice("mode", Mode, "0: the command is 0"),
-            around("tau_d_Nm", drive.tau_Nm, "wanted torque on the load", many),
+            around("tau_d_Nm", drive.tau_Nm, "desired torque on the load", many),
         )
         if self.impedance:
             self.references |= {k: (n, preview) for k, n in PATH.items()}
             self.inputs += (
-                Port("theta_d_rad", low, high, "wanted angle of the joint", many),
-                around("omega_d_rad_s", fast, "its rate", many),
+                Port("theta_d_rad", low, high, "desired angle of the joint", many),
+                around("omega_d_rad_s", fast, "desired rate of the joint", many),
                 *(
                     Port(name, 0.0, field_facts(f"impedance.{name}")["high"], text, 1, "(5.24)")
                     for name, text in GAINS.items()

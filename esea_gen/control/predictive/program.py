@@ -24,7 +24,7 @@ from esea_gen.language.statements import Ix, Memory, Ref
 
 FLAGS = (
     Flag("INPUT_INVALID", "an input was NaN or outside its range; the command is 0", True),
-    Flag("STATE_REPAIRED", "the plan was corrupt; it was started afresh", True),
+    Flag("STATE_REPAIRED", "the plan was corrupt; it was restarted", True),
     Flag("NOT_CONVEX", "the Hessian was not positive (or not a number); the command is 0", True),
     Flag("CAP_REACHED", "the QP's iterations ran out; the command is its best feasible one", True),
     Flag("NOT_OPTIMAL", "the QP's optimality check failed; the command is feasible", True),
@@ -66,7 +66,7 @@ class _Writer:
             Port(model.u_name, -model.u_max, model.u_max, "command"),
             Port("residual", 0.0, 2.0, "QP: largest projected gradient step, widths of the box"),
             Port.count("iterations", 1000, "QP: changes of its active set"),
-            Port("status", 0, 2 ** len(FLAGS) - 1, "what is known of the command", flags=FLAGS),
+            Port("status", 0, 2 ** len(FLAGS) - 1, "status of the command", flags=FLAGS),
         )
         self.plan = declare_ports(b, "state", (self.plan_port,))["plan"]
         self.out = declare_ports(b, "out", self.outputs)

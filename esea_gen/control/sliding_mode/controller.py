@@ -111,7 +111,7 @@ class _SlidingMode:
         equal, control = "thesis chapter 5: equality in (5.20)", "docs/control.md"
         leads = "how many times faster than the motor's lag the torque follows; 1 takes u_a as u_c"
         load = "share of the load's estimated acceleration in the set-point's acceleration"
-        ahead = "share of the rate wanted in the rate whose friction is compensated; 0: measured"
+        ahead = "share of the desired rate in the rate for friction compensation; 0: measured rate"
         ours, lead = float(self.model_acceleration), self.lead_here
         given = self.sm.load_share or Quantity(value=ours, status="assumed", source=control)
         by = f"1: thesis chapter 5; more: {control}"
@@ -134,7 +134,7 @@ class _SlidingMode:
             Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
             Port("lead", 0.0, self.lead_high - 1, "gain against the motor's lag"),
             Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
-            Port("friction_ahead", 0.0, 1.0, "share of the rate wanted in friction's rate"),
+            Port("friction_ahead", 0.0, 1.0, "share of the desired rate in the rate for friction"),
         )
 
     def _ports(self, device: DeviceData) -> None:
@@ -166,7 +166,7 @@ class _SlidingMode:
             around("d4_rad_s2", self.d_lim, "disturbance of the drive", equation="(5.5)"),
             around("u_a_Nm", self.u_lim, "motor torque by its model", equation="(5.1)"),
             Port.choice("mode", Mode, "1 and 2 act alike here"),
-            around("u_applied_Nm", self.u_lim, "command that the motor holds"),
+            around("u_applied_Nm", self.u_lim, "present motor command"),
         )
         command, phi = ("u_command_Nm",), self.sm.phi_rad_s.value
         rests = "the command is held back, or the integral is at its range: it does not grow"
@@ -174,12 +174,12 @@ class _SlidingMode:
         entered = "the controller took over in this step, from the applied command"
         self.outputs = (
             around("u_command_Nm", self.u_lim, "command at the motor shaft", equation="(5.22)"),
-            around("u_wanted_Nm", self.wanted_u, "what the law wants before any limit"),
+            around("u_wanted_Nm", self.wanted_u, "command of the law before any limit"),
             around("s_rad_s", self.s_lim, "surface", equation="(5.12)"),
             around("u_eq_Nm", self.eq_lim, "equivalent control", equation="(5.16)"),
             Port("k_smc_Nm", 0.0, self.k_lim, "switching gain", equation="(5.20)"),
             status_port(
-                "what is known of this command",
+                "status of this command",
                 "an input was NaN or outside its range; no torque asked for",
                 "the state was corrupt; no torque asked for in this step",
                 Flag("SATURATED", clipped, True, command, self.u_lim),

@@ -71,7 +71,7 @@ def torque_lead(device: DeviceData) -> Block:
         "Set torque ahead, for a set-point that the motor can follow",
         period_s=h,
         tunables=(Tunable("share", 1.0, 0.0, 1.0, acts, "docs/control.md"),),
-        coefficients=(Port("share", 0.0, 1.0, "how much it acts"),),
+        coefficients=(Port("share", 0.0, 1.0, "share of its action"),),
         prepare=vars,
         state=(
             Port("slow", 0.0, 1.0, "share that is governed when nothing steps"),
@@ -79,11 +79,11 @@ def torque_lead(device: DeviceData) -> Block:
         ),
         inputs=(
             around("tau_set_Nm", tau_lim, "set torque", on_invalid="tau_set_Nm"),
-            around("tau_rate_Nm_s", rate_lim, "its rate"),
-            around("tau_curve_Nm_s2", curve_lim, "its acceleration"),
-            Port("trust", 0.0, 1.0, "share of both that is believed"),
-            Port("settled", 0.0, 1.0, "0 after a step, 1 when it is long ago"),
-            Port.choice("mode", Mode, "mode that holds"),
+            around("tau_rate_Nm_s", rate_lim, "rate of the set torque"),
+            around("tau_curve_Nm_s2", curve_lim, "second derivative of the set torque"),
+            Port("trust", 0.0, 1.0, "trust in rate and acceleration, 0 to 1"),
+            Port("settled", 0.0, 1.0, "0 after a step, rising to 1"),
+            Port.choice("mode", Mode, "active mode"),
         ),
         outputs=(
             around("tau_led_Nm", full, "set torque ahead, for the inverse"),
@@ -134,8 +134,8 @@ def smoothed_setpoint(device: DeviceData) -> Block:
 
     ports = (
         around("delta_set_rad", delta_lim, "deflection set-point"),
-        around("delta_rate_rad_s", rate_lim, "its rate"),
-        around("delta_acc_rad_s2", acc_lim, "its acceleration"),
+        around("delta_rate_rad_s", rate_lim, "rate of the set-point"),
+        around("delta_acc_rad_s2", acc_lim, "acceleration of the set-point"),
     )
     raw = around("theta_set_rad", delta_lim, "set-point from the inverse", on_invalid="third_rad")
     return Block.define(
@@ -175,4 +175,4 @@ def governed_wires(device: DeviceData) -> dict[str, str]:
 
 def _status(then: str) -> Port:
     invalid = f"an input was NaN or outside its range; {then}"
-    return status_port("what is known of it", invalid, "the state was corrupt; started afresh")
+    return status_port("status", invalid, "the state was corrupt; restarted")
