@@ -293,7 +293,7 @@ def _guarded(
     raw_u: Mapping[str, ca.SX],
 ) -> tuple[SimpleNamespace, SimpleNamespace, Guard]:
     state_ok = _all([port_ok(raw_s[p.name], p) for p in state])
-    label("state_ok", state_ok, "Guard: a corrupt state starts the block afresh.")
+    label("state_ok", state_ok, "Guard: a corrupt state restarts the block.")
     s = dict(raw_s)
     s |= {p.name: _chosen(p, state_ok, s[p.name], p.init) for p in state if p.repair == "init"}
     u, valid = {}, []
