@@ -269,7 +269,7 @@ def zero(address: AddressArgument, device: DeviceOption = None, key: KeyOption =
             raise typer.Exit(1)
         out.print(f"{_said(board)}: {state}")
         if state != "READY":
-            told("The joint moved. Hold both sides of each coupling still, and zero again.")
+            told("The joint moved, or an encoder cannot be read. Hold it still, and zero it again.")
             raise typer.Exit(1)
 
 

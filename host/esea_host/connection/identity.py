@@ -129,7 +129,8 @@ def identify(
         heard = session.counters.frames
         told = ", though it speaks" if heard else ": nothing at the other end speaks"
         what = f"{error.what}{told} this tree's dialect"
-        raise LinkError(what, error.fix or _build(device), error.said) from None
+        fix = error.fix or "Check the address, and that its board has this version's firmware."
+        raise LinkError(what, fix, error.said) from None
     name = _text(info.device)
     if name == f"{device.name}_board":
         device = board_device(device)
