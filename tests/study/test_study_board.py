@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import socket
 import threading
 from collections.abc import Iterator
@@ -157,6 +158,25 @@ def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockst
     again = StudySession(session.log.path, session.state.plan, "P01", session.source)
     assert "the board is in STOPPED" in again.run()
     again.close()
+
+
+def test_a_full_disk_fails_the_trial_and_ends_the_session_with_the_reason(begun, tmp_path):
+    """The events that the session writes beside the rows do not hide it."""
+    session, _ = begun(of_tasks(TRACKING, TRACKING))
+    steps, least = iter(range(1000)), resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def show(_) -> None:
+        if next(steps) == 50:
+            (path,) = tmp_path.rglob("device-1.mcap")
+            resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, least[1]))
+
+    try:
+        reason = session.run(show=show)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, least)
+    assert [session.state.states[n] for n in (1, 2)] == [COMPLETED, FAILED]
+    assert "the disk is full" in session.state.reasons[2]
+    assert "the disk is full" in reason
 
 
 def test_a_task_that_raises_leaves_the_board_under_control(begun, lockstep, monkeypatch):

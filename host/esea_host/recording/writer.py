@@ -58,6 +58,7 @@ class Recorder:
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
         self.closed, self._good_bytes, self._mark_at = False, 0, 0
+        self._ended = f"{path}: the recording has ended.", "Begin another one."
         self._guarded(self._begin, dict(attachments or {}))
 
     def _begin(self, attachments: dict[str, bytes]) -> None:
@@ -74,7 +75,7 @@ class Recorder:
     def _guarded(self, act: Callable[..., None], *given: Any) -> None:
         # A disk that is full ends the recording; what had been written complete stays.
         if self.closed:
-            raise UserError(f"{self.path}: the recording has ended.", "Begin another one.")
+            raise UserError(*self._ended)
         try:
             act(*given)
         except OSError as error:
@@ -99,10 +100,9 @@ class Recorder:
             self.path.unlink(missing_ok=True)
         full = "the disk is full" if error.errno in FULL else error.strerror or str(error)
         kept = f"The {self._good_bytes} bytes written before are kept and can be read."
-        raise UserError(
-            f"{self.path}: recording ended, {full}.",
-            kept if self._channels else "Make room, or give another folder.",
-        ) from None
+        fix = kept if self._channels else "Make room, or give another folder."
+        self._ended = f"{self.path}: recording ended, {full}.", fix  # for who comes later, too
+        raise UserError(*self._ended) from None
 
     def __enter__(self) -> Self:
         return self

@@ -184,6 +184,7 @@ class BoardSource(InputSource):
             if self._recording is None and self.folder is not None:
                 self._recording = self.device.record(self._new_file())
                 found["recording"] = self._recording.recorder.path.name
+            self._must_record()
             # A board that has restarted tells nothing unasked.
             self.device.listen(self._rows.streams if self._recording is None else None)
             self._rows.start()
@@ -372,7 +373,12 @@ class BoardSource(InputSource):
 
     def _event(self, topic: str, **content: Any) -> None:
         if self._recording is not None:
-            self._recording.event(topic, board_ns=self.board_ns, **content)
+            with contextlib.suppress(UserError):  # ended: the next frame fails, with the reason
+                self._recording.event(topic, board_ns=self.board_ns, **content)
+
+    def _must_record(self) -> None:
+        if self._recording is not None and self._recording.error is not None:
+            raise UserError(f"The recording failed: {self._recording.error}", "")
 
     def want(self, requests: Mapping[str, float]) -> None:
         wanted = self._none | self._asked | self.signals.wanted(requests)
@@ -388,8 +394,7 @@ class BoardSource(InputSource):
 
     def frame(self, requests: Mapping[str, float]) -> Inputs:
         try:
-            if self._recording is not None and self._recording.error is not None:
-                raise UserError(f"The recording failed: {self._recording.error}", "")
+            self._must_record()
             self.want(requests)
             self.pull()
             if self.device.receiver.reconnects != self._reconnects:
