@@ -154,6 +154,12 @@ def until(there) -> None:
         time.sleep(0.002)
 
 
+def at_step(number, act):
+    """What a session shows its scenes to, and that acts at one of them."""
+    steps = iter(range(100_000))
+    return lambda _: act() if next(steps) == number else None
+
+
 def ended(conductor: Stepped) -> None:
     conductor.go.set()
     conductor.join(20)

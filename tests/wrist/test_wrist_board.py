@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from esea_host.study.plan import generator
 from esea_host.study.session import COMPLETED, FAILED, replay
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.virtual import VirtualPerson
-from tests.conducted import of_tasks, study_of
+from tests.conducted import at_step, of_tasks, study_of
 from tests.conftest import require_tool
 from tests.link.test_host_link import Proxy
 
@@ -112,13 +113,7 @@ def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
 
 def test_after_a_loss_of_power_the_trial_fails_and_the_session_goes_on(begun):
     session, source = begun(NEUTRAL % HEALTHY, RANGE % ("FE", CONSTRAINED), NEUTRAL % CONSTRAINED)
-    steps = iter(range(10_000))
-
-    def show(_):
-        if next(steps) == 150:
-            source.board.restart()
-
-    assert session.run(show=show) == ""
+    assert session.run(show=at_step(150, source.board.restart)) == ""
     states = [session.state.states[n] for n in (1, 2, 3)]
     assert states == [COMPLETED, FAILED, COMPLETED], session.state.reasons
     assert "not armed" in session.state.reasons[2]
@@ -142,13 +137,8 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
 
 def test_a_fault_of_one_axis_ends_the_trial_and_the_session_says_which(begun):
     session, source = begun(NEUTRAL % HEALTHY, NEUTRAL % HEALTHY)
-    steps = iter(range(10_000))
-
-    def show(_):
-        if next(steps) == 50:
-            source.board.board.drivers[1] = 1.0  # frames of an encoder are bad from now on
-
-    assert "Rest the joint" in session.run(show=show)  # cleared, and it does not arm
+    spoil = partial(source.board.board.drivers.__setitem__, 1, 1.0)  # frames of an encoder
+    assert "Rest the joint" in session.run(show=at_step(50, spoil))  # cleared; does not arm
     assert session.state.states[1] == FAILED
     assert "the board is in FAULT: " in session.state.reasons[1]
     assert len(session.state.remaining) == 1
@@ -187,13 +177,7 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_m
         with esea_host.connect(cable.address) as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=True)
             session = study.session("P01", 0, source)
-            steps = iter(range(100_000))
-
-            def show(_):
-                if next(steps) == 20:
-                    cable.pull()
-
-            assert session.run(show=show) == ""
+            assert session.run(show=at_step(20, cable.pull)) == ""
             reasons = session.state.reasons
             assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
             assert "Look at cable and power" in reasons[1]

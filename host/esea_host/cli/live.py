@@ -7,7 +7,7 @@ import math
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -392,12 +392,9 @@ def sim(
     if pty and tcp is not None:
         raise UserError("Both --tcp and --pty are given.", "Give one.")
     port, device = None if pty else (tcp or 0), driven_by(controller, device)
-    try:
+    with suppress(KeyboardInterrupt):
         serve(device, port, plant=plant, person=person, motion=motion, seed=seed, speed=speed,
-              board=board, zeroed=zeroed, say=_tell,
-              spring_Nm_rad=math.degrees(spring))  # fmt: skip
-    except KeyboardInterrupt:
-        return
+              board=board, zeroed=zeroed, spring_Nm_rad=math.degrees(spring))  # fmt: skip
 
 
 @app.command("sim-moteus")
@@ -428,7 +425,7 @@ def sim_moteus(
         raise UserError("This system has no pseudo terminals.", "Run it on Linux, or in WSL.")
     line = Terminal()
     joint = MoteusJoint(device, plant, person, seed, rotor_side)
-    _tell(f"simulated moteus of {device} at serial:{line.name}")
+    print(f"simulated moteus of {device} at serial:{line.name}", flush=True)
     last_s = math.inf if seconds is None else time.monotonic() + seconds
     try:
         with run_board(program, line.name, rotor_side) as ended:
@@ -439,7 +436,3 @@ def sim_moteus(
         return
     finally:
         line.close()
-
-
-def _tell(text: str) -> None:
-    print(text, flush=True)

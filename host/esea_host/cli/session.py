@@ -122,7 +122,7 @@ class _AskedSession:
         out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
         if reason:
             raise UserError(
-                f"The session ended early: {reason.rstrip('.')}.",
+                f"The session ended early: {reason}{'' if reason[-1] in '.?' else '.'}",
                 "It can be gone on with: resume.",
             )
 

@@ -126,9 +126,8 @@ def identify(
     except (PairedError, CommandedError):
         raise
     except LinkError as error:
-        heard = session.counters.frames
-        told = ", though it speaks" if heard else ": nothing at the other end speaks"
-        what = f"{error.what}{told} this tree's dialect"
+        told = ", though it" if session.counters.frames else ": nothing at the other end"
+        what = f"{error.what}{told} speaks this tree's dialect"
         fix = error.fix or "Check the address, and that its board has this version's firmware."
         raise LinkError(what, fix, error.said) from None
     name = _text(info.device)

@@ -327,11 +327,13 @@ class BoardSource(InputSource):
         self.signals.must_fit([(task, asked)])
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
         self._rows.need(self._taps.values())
-        self._event("trial", number=number, task=task.name)
-        state = self._state_now()
-        if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
-            self._arm()
+        try:
             state = self._state_now()
+            if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
+                self._arm()
+                state = self._state_now()
+        finally:  # arming takes time: a replay reads the recording from here on
+            self._event("trial", number=number, task=task.name)
         self._armed, self._reconnects = state in WORKING, self.device.receiver.reconnects
         if CONSTRAINED in self._asked:
             try:
