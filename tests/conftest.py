@@ -20,6 +20,7 @@ import esea_gen
 from esea_gen import files
 from esea_gen.device import Device
 from esea_gen.hostlib import HostLibrary, compile_device
+from esea_gen.twin.recorded import record_drive
 from tests import result_schemas
 from tests.budget import Budget
 
@@ -147,6 +148,12 @@ def elbow() -> Device:
 @pytest.fixture(scope="session")
 def drive() -> Device:
     return esea_gen.load_device("elbow_drive")
+
+
+@pytest.fixture(scope="session")
+def recorded(drive: Device) -> dict[str, Any]:
+    """Inputs of the drive's tasks in closed loop, 1 s of them."""
+    return record_drive(drive, 1000).inputs
 
 
 @pytest.fixture(scope="session")

@@ -57,6 +57,7 @@ def opened(tmp_path):
         board.close()
 
 
+@pytest.mark.ci
 def test_movements_go_into_the_session_and_its_recording(opened):
     desk, _ = opened
     said: list[str] = []
@@ -126,6 +127,7 @@ def test_a_board_that_is_not_zeroed_measures_nothing(opened):
         attempted(desk, desk.board, print)
 
 
+@pytest.mark.ci
 def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     from PySide6.QtCore import Qt
     from PySide6.QtWidgets import QApplication

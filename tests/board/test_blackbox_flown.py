@@ -244,6 +244,7 @@ def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
         assert image.noinit_bytes == 36 + held * record_bytes(device)
 
 
+@pytest.mark.ci
 def test_a_device_without_a_motor_has_one_too(tmp_path):
     elbow = load_device("elbow")
     board = SimBoard(elbow)

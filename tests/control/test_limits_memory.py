@@ -14,7 +14,6 @@ from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.stream import single
 from esea_gen.model.sensing import zeros_missing
-from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
 from tests.limits_model import (
     AT,
@@ -356,7 +355,7 @@ DRIVE_LATCHED = {"f32": (238, 238), "q31": (217, 217)}
 
 @pytest.mark.ci
 @pytest.mark.parametrize("real", ["f32", "q31"])
-def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real):
+def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, recorded, real):
     """Both tasks on encoder counts recorded in closed loop, eight ticks after each flip.
 
     The limits' own coefficients are seen at once, all others by the checksum in the next run of the
@@ -364,7 +363,7 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, real
     """
     require_tool("gcc")
     library = compile_device(drive, real, (*UNDEFINED, "-fsanitize-recover=all"))
-    given, board = record_drive(drive, 1000).inputs, library.board(zeros_missing(drive.system))
+    given, board = recorded, library.board(zeros_missing(drive.system))
     memory, coefficients = board.memory["state"], memoryview(board.memory["coeffs"])
     fields = library.dtype(f"{library.prefix}_coeffs_t").fields
     parts = {n: coefficients[at : at + kind.itemsize] for n, (kind, at) in fields.items()}

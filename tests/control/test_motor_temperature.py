@@ -11,7 +11,6 @@ from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_device
-from esea_gen.twin.recorded import record_drive
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.streams import at_the_limits, streams
@@ -26,6 +25,7 @@ SHEET = {"k_t_Nm_A": K_T, "resistance_Ohm": R, "winding_case_K_W": R_WC, "case_a
              "ambient_C": AMBIENT, "derate_C": DERATE, "max_C": MAX}  # fmt: skip
 H, U_MAX = 5e-3, 0.221
 NODES = ("winding_C", "case_C")
+F64 = (pytest.param("f64", marks=pytest.mark.ci),)
 
 
 def warm_text(**changed: float) -> str:
@@ -55,7 +55,7 @@ def loss_W(u_Nm, winding_C):
     return R * (u_Nm / K_T) ** 2 * (1 + PER_K * (winding_C - 25))
 
 
-@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+@pytest.mark.parametrize("real", [*F64, "f32", "q31"])
 @pytest.mark.parametrize(("u_Nm", "start"), [(0.1, (45.0, 45.0)), (-0.1, (100.0, 70.0))])
 def test_a_step_of_torque_warms_by_two_exponentials(real, u_Nm, start):
     """The loss grows with the winding's temperature in proportion, so that all of it is linear."""
@@ -72,7 +72,7 @@ def test_a_step_of_torque_warms_by_two_exponentials(real, u_Nm, start):
         assert np.max(np.abs(y[name][every] - nodes)) < most_K
 
 
-@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize("real", [*F64, "f32"])
 def test_a_day_of_sessions_keeps_the_energy(real):
     """What the copper gives off is in winding and case, or gone to the air."""
     rng, t, state = np.random.default_rng(4), H * np.arange(round(1200 / H)), (40.0, 40.0)
@@ -127,7 +127,7 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
     assert winding[-1] == pytest.approx(steady, abs=1)
 
 
-@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+@pytest.mark.parametrize("real", [*F64, "f32", "q31"])
 @pytest.mark.parametrize(
     ("measured", "winding", "fault"),
     [
@@ -136,10 +136,9 @@ def test_full_torque_for_an_hour_ends_below_the_largest_temperature(real, sign):
         *((x, START, Fault.NONE) for x in (np.nan, np.inf, 999.0, -999.0)),
     ],
 )
-def test_a_hot_winding_takes_the_torque_and_then_latches(real, drive, measured, winding, fault):
+def test_a_hot_winding_takes_the_torque_and_then_latches(real, recorded, measured, winding, fault):
     """The drive measures it; what no sensor of a winding reads changes nothing."""
-    given = record_drive(drive, 400).inputs
-    board, rows = library(real).board(), []
+    given, board, rows = recorded, library(real).board(), []
     for tick in range(280):
         board.release(tick)
         y = board.step("sense", **{n: v[tick] for n, v in given["sense"].items()})
@@ -156,7 +155,7 @@ def test_a_hot_winding_takes_the_torque_and_then_latches(real, drive, measured, 
     assert np.all(faults[230:] == fault)
 
 
-@pytest.mark.parametrize("real", ["f64", "f32", "q31"])
+@pytest.mark.parametrize("real", [*F64, "f32", "q31"])
 def test_one_wild_reading_warms_by_half_a_kelvin_and_a_real_rise_is_followed(real):
     """100 K/s at most, so 0.5 K in a control period of 5 ms."""
     u, start = np.zeros(400), (45.0, 45.0)

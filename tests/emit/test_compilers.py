@@ -115,7 +115,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("real", ["f64", "f32"])
+@pytest.mark.parametrize("real", [pytest.param("f64", marks=pytest.mark.slow), "f32"])
 @pytest.mark.parametrize(("flags", "why", "compilers"), REFUSED, ids=str)
 def test_a_compiler_that_changes_the_arithmetic_is_refused(folder, real, flags, why, compilers):
     if "-mfpmath=387" in flags and not X86:

@@ -17,15 +17,9 @@ from esea_gen.device import load_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import compile_device
 from esea_gen.model.sensing import zeros_missing
-from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
 
 AT = 201  # the command is large here, and no fault
-
-
-@pytest.fixture(scope="module")
-def given(drive):
-    return record_drive(drive, 1000).inputs
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +64,12 @@ class Run:
         return self
 
 
-@pytest.fixture(params=["f64", "f32", "q31", "symbols"])
-def run(request, drive, library, given):
+@pytest.fixture(params=[pytest.param("f64", marks=pytest.mark.ci), "f32", "q31", "symbols"])
+def run(request, drive, library, recorded):
     if request.param == "symbols":
-        return Run(drive.system.simulator(zeros_missing(drive.system)), given)
+        return Run(drive.system.simulator(zeros_missing(drive.system)), recorded)
     require_tool("gcc")
-    return Run(zeroed(library(request.param)), given)
+    return Run(zeroed(library(request.param)), recorded)
 
 
 # -- time ------------------------------------------------------------------------------------------
@@ -124,10 +118,10 @@ def test_late_runs_now_and_then(run, every, latches):
     assert found[:1].tolist() == ([19 * every + 1] if latches else [])
 
 
-def test_the_watch_counts(library, given):
+def test_the_watch_counts(library, recorded):
     require_tool("gcc")
     board = zeroed(library("f32"))
-    run = Run(board, given).until(200)
+    run = Run(board, recorded).until(200)
     run.tick(203, data=200)  # three lost
     for tick in (204, 206, 207):
         run.tick(tick, data=200, control=False)  # the run of 205 was lost with its tick
@@ -148,11 +142,11 @@ def test_the_watch_counts(library, given):
 
 
 @pytest.mark.parametrize("real", ["f32", "q31"])
-def test_no_part_of_an_old_state_releases_the_latch(library, given, real):
+def test_no_part_of_an_old_state_releases_the_latch(library, recorded, real):
     """An old state whole, up to any byte or from it on, and the rest as it is after a stop."""
     require_tool("gcc")
     board = zeroed(library(real))
-    run, memory = Run(board, given).until(AT), board.library.ffi.buffer(board.state)
+    run, memory = Run(board, recorded).until(AT), board.library.ffi.buffer(board.state)
     old = bytes(memory)
     for tick in range(AT, AT + 3):
         run.tick(tick, stop=True)
@@ -167,10 +161,10 @@ def test_no_part_of_an_old_state_releases_the_latch(library, given, real):
 
 
 @pytest.mark.parametrize("real", ["f32", "q31"])
-def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
+def test_resume_starts_latched_and_keeps_the_estimates(library, recorded, real):
     require_tool("gcc")
     board = zeroed(library(real))
-    run = Run(board, given).until(AT)
+    run = Run(board, recorded).until(AT)
     kept = bytes(board.library.ffi.buffer(board.state))
     velocity = board.library.ffi.buffer(board.library.ffi.addressof(board.state, "velocity"))
     before = bytes(velocity)
@@ -188,11 +182,11 @@ def test_resume_starts_latched_and_keeps_the_estimates(library, given, real):
 
 
 @pytest.mark.parametrize("real", ["f32", "f64", "q31"])
-def test_a_changed_word_of_the_coefficients_latches(library, given, real):
+def test_a_changed_word_of_the_coefficients_latches(library, recorded, real):
     """Every word of them, by every byte: seen by the next control run, 4 ticks on, and released."""
     require_tool("gcc")
     board = zeroed(library(real))
-    run = Run(board, given).until(AT)
+    run = Run(board, recorded).until(AT)
     ffi = board.library.ffi
     (coeffs,) = board.coeffs
     # Not the limits' own: those latch at once, with their own reason.
@@ -211,10 +205,10 @@ def test_a_changed_word_of_the_coefficients_latches(library, given, real):
             assert fault != 0, (name, at)
 
 
-def test_a_change_that_no_block_notices_has_a_name(library, given):
+def test_a_change_that_no_block_notices_has_a_name(library, recorded):
     require_tool("gcc")
     board = zeroed(library("f32"))
-    run = Run(board, given).until(AT)
+    run = Run(board, recorded).until(AT)
     # The checksum itself: nothing else reads it.
     board.coeffs[0].check ^= 1
     found = [run.tick(AT + k)[1] for k in range(7)]
@@ -358,10 +352,10 @@ int main(void)
 """
 
 
-def threaded(drive, library, given, folder, *flags):
+def threaded(drive, library, recorded, folder, *flags):
     source = written(drive, "f32", folder)
     board = zeroed(library("f32"))
-    packed = board.library.task("sense").pack({n: v[:400] for n, v in given["sense"].items()})
+    packed = board.library.task("sense").pack({n: v[:400] for n, v in recorded["sense"].items()})
     rows = ["{ " + ", ".join(f"{float(v).hex()}f" for v in row) + " }," for row in packed]
     (source / "stream.h").write_text("\n".join(rows) + "\n")
     (source / "main.c").write_text(HARNESS)
@@ -378,8 +372,8 @@ def threaded(drive, library, given, folder, *flags):
     )
 
 
-def sequential(library, given):
-    run = Run(zeroed(library("f32")), given)
+def sequential(library, recorded):
+    run = Run(zeroed(library("f32")), recorded)
     for tick in range(400):
         run.tick(tick)
     return [f"{u.hex()} {f}" for u, f in zip(run.u, run.fault, strict=True)]
@@ -394,9 +388,9 @@ def same(lines, expected):
 
 @pytest.mark.ci
 @pytest.mark.parametrize("flags", [(), ("-fsanitize=thread", "-g")], ids=["lto", "lto, tsan"])
-def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, given, tmp_path, flags):
+def test_tasks_in_threads_give_the_same_bits_and_no_race(drive, library, recorded, tmp_path, flags):
     require_tool("gcc")
-    done = threaded(drive, library, given, tmp_path / "c", *flags)
+    done = threaded(drive, library, recorded, tmp_path / "c", *flags)
     assert done.returncode == 0, done.stderr[:2000]
     assert "WARNING: ThreadSanitizer" not in done.stderr
-    assert same(done.stdout.splitlines(), sequential(library, given))
+    assert same(done.stdout.splitlines(), sequential(library, recorded))

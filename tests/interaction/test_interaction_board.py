@@ -77,6 +77,7 @@ def told(session, kind):
     return [e.data for e in read_log(session.log.path).entries if e.kind == kind]
 
 
+@pytest.mark.ci
 def test_both_elements_are_confirmed_played_and_replayed(session_of, simulated_elbow):
     blocks = ("tracking", "elastomer", 2.0), ("pong", "spring", 1.0), ("tracking", "spring", 1.0)
     study, session = session_of(Attendant(simulated_elbow).do, *blocks)

@@ -50,6 +50,7 @@ def command(monkeypatch, capsys):
     return run
 
 
+@pytest.mark.ci
 def test_every_command_finds_the_key_or_says_what_is_missing(address, command, tmp_path):
     assert command("unpair", address) == (
         2,

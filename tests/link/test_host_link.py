@@ -429,6 +429,7 @@ def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(
         assert gap.reason == "disconnected"
 
 
+@pytest.mark.ci
 def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypatch):
     """monitor --jsonl, record, show and parameters, over TCP to the simulated board."""
 

@@ -200,6 +200,7 @@ def test_the_drive_does_as_the_proof_assumes(controller, plant):
 # On the plant `real`, and on a drawn one with hands that swing at 4 Hz with half the damping and at
 # 20 Hz with all of it; without the Block and with all of the load's acceleration, a light hand on a
 # soft spring gets ten times its push.
+@pytest.mark.ci
 def test_the_rendered_wrist_is_passive(tmp_path):
     def passive(controller, axis, hand, plant="real", seed=0):
         push_J = 0.5 * hand.inertia_kgm2 * PUSH_RAD_S**2

@@ -13,6 +13,7 @@ DRIVE = load_device("elbow_drive")
 SCALING = [study for study in studies(ClosedLoopStudy).values() if study.scales]
 
 
+@pytest.mark.ci
 @pytest.mark.parametrize("study", SCALING, ids=lambda study: study.name)
 @settings(max_examples=8)
 @given(st.floats(0.3, 5), st.floats(-2, 1), st.floats(0.3, 3))

@@ -103,7 +103,8 @@ def knee(feed, live, tmp_path):
     return AssessWindow(ClinicDesk(Assessment(made_up()), Comfort(0, 120 * DEG)))
 
 
-WINDOWS = live_with_all_docks, commissioning, operator, wrist, knee
+WRIST = pytest.param(wrist, marks=pytest.mark.ci)
+WINDOWS = live_with_all_docks, commissioning, operator, WRIST, knee
 
 
 def unnamed(window):
@@ -178,6 +179,7 @@ def test_without_a_motor_the_place_of_stop_says_so(qtbot):
     assert window.stop_button.visibleRegion().boundingRect() == window.stop_button.rect()
 
 
+@pytest.mark.ci
 def test_without_a_motor_stop_ends_the_calibration(qtbot, tmp_path):
     window = wrist(None, None, tmp_path, "wrist_board")
     qtbot.addWidget(window)
@@ -188,6 +190,7 @@ def test_without_a_motor_stop_ends_the_calibration(qtbot, tmp_path):
     assert (window.display.guide, window.stop_asked_s) == (None, 0.0)
 
 
+@pytest.mark.ci
 def test_a_motor_that_no_constraint_drives_is_stopped(qtbot, tmp_path):
     text = re.sub(r"(?ms)^\[impairment\].*?(?=^\[|\Z)", "", load_device("wrist_drive").toml())
     window = wrist(None, None, tmp_path, parse_device(text, "mine.toml"))

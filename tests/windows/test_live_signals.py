@@ -140,6 +140,7 @@ def test_a_sine_is_a_peak_of_its_amplitude():
     assert len(amplitudes(part, values)[0]) == 0
 
 
+@pytest.mark.ci
 def test_a_motor_that_is_warm_is_seen(tmp_path):
     require_tool("gcc")
     (tmp_path / "warm.toml").write_text(warm_text(), encoding="utf-8")
