@@ -145,12 +145,8 @@ def test_what_a_board_cannot_do_is_not_asked_of_it(begun):
 
 def test_a_fault_ends_the_trial_and_a_stopped_board_starts_nothing(begun, lockstep):
     session, _ = begun(of_tasks(TRACKING))
-
-    def stop() -> None:
-        lockstep.stop()
-        lockstep.advance(0.7)
-
-    session.run(show=at_step(120, stop))  # within the second trial
+    # Within the second trial.
+    session.run(show=at_step(120, lambda: [lockstep.stop(), lockstep.advance(0.7)]))
     assert [session.state.states[n] for n in (1, 2)] == [COMPLETED, FAILED]
     assert "the board is in STOPPED" in session.state.reasons[2]
     assert len(session.state.remaining) == 0

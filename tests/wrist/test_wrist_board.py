@@ -177,13 +177,15 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_m
         with esea_host.connect(cable.address) as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=True)
             session = study.session("P01", 0, source)
+            zero = device.zero  # within it the cable is pulled for the first time
+            device.zero = lambda: [setattr(device, "zero", zero), cable.pull(), zero()]
             assert session.run(show=at_step(20, cable.pull)) == ""
             reasons = session.state.reasons
             assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
             assert "Look at cable and power" in reasons[1]
             assert logged(session, "ready")[1]["state"] in ("ARMED", "ACTIVE")
             assert not logged(session, "ready")[1]["restarted"]
-            assert logged(session, "link")[-1]["reconnects"] == 1
+            assert logged(session, "link")[-1]["reconnects"] == 2
             source.close()
             session.close()
             assert all(same for *_, same in replay(session.log.path))
