@@ -64,6 +64,7 @@ class CommissioningStep:
     run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)  # does it
     motor: bool = False  # whether the motor moves
     needs: tuple[tuple[str, str], ...] = ()  # fields of the options, and how each is given
+    loads: Callable[[Device, StepOptions], object] | None = None  # refuses unsuitable masses
 
     def lacks(self, options: StepOptions) -> str:
         """How to supply the missing requirements; empty if there are none."""
@@ -255,16 +256,15 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
 # -- known mass -----------------------------------------------------------------------------------
 
 
+def _load_check(device: Device, options: StepOptions) -> TorqueCheck:
+    assert options.known is not None
+    times = {"settle_s": options.settle_s, "record_s": options.record_s}
+    return TorqueCheck(device, options.known, repeats=options.repeats, **times)
+
+
 def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
-    if options.known is None:
-        raise UserError(
-            "The torque check needs a known mass on a known arm.", "Give --mass KG and --arm M."
-        )
+    check = _load_check(bench.board, options)
     bench.make_ready()
-    check = TorqueCheck(
-        bench.board, options.known, repeats=options.repeats,
-        settle_s=options.settle_s, record_s=options.record_s,
-    )  # fmt: skip
     needed_s = check.settle_s + check.record_s + 0.2
     parts = []
     again: list[str] = []
@@ -328,12 +328,15 @@ def _stands(device: Device, c: Capture, check: TorqueCheck) -> bool:
 # -- adaptation -----------------------------------------------------------------------------------
 
 
-def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
+def _masses(device: Device, options: StepOptions) -> list[KnownLoad]:
     masses = [known for known in (options.known, options.second) if known is not None]
-    if len(masses) < 2:
-        raise UserError("The adaptation needs two known masses.", f"Give {MASS[1]} {SECOND[1]}.")
-    device = bench.board
     require_masses(device, *masses)
+    return masses
+
+
+def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
+    device = bench.board
+    masses = _masses(device, options)
     hangs_rad = hangs_within(device, options.hangs_rad)
     swings: list[SwungMass] = []
     fault = 0
@@ -423,10 +426,12 @@ STEPS = (
     CommissioningStep(
         "friction", FRICTION, "friction of drive and cable, as a hand feels it", _friction
     ),
-    CommissioningStep("torque", TORQUE, "that the sensor is right", _torque, needs=(MASS,)),
+    CommissioningStep(
+        "torque", TORQUE, "that the sensor is right", _torque, False, (MASS,), _load_check
+    ),
     CommissioningStep(
         "adaptation", ADAPTATION, "what the rubber at hand gives for a desired torque", _adaptation,
-        True, (MASS, SECOND),
+        True, (MASS, SECOND), _masses,
     ),
 )  # fmt: skip
 
