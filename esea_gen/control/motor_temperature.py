@@ -82,7 +82,7 @@ class _MotorTemperature:
             node("winding", "winding", init=winding_C),
             node("case", "case", init=case_C),
             Port("square_Nm2", 0.0, self.square, "mean square of the torque so far"),
-            Port("ticks", 0, self.ticks, "periods of the present step"),
+            Port.count("ticks", self.ticks, "periods of the present step"),
         )
         told = "temperature that the drive measures in the winding; 0 where it measures none"
         self.inputs = (

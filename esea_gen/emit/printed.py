@@ -37,7 +37,7 @@ def bare(text: str) -> str:
 
 def field_type(port: Any, number: str) -> str:
     """C type of a port's field, where a number has the given one."""
-    return "uint32_t" if getattr(port, "whole", False) else number
+    return f"{port.integer}_t" if getattr(port, "whole", False) else number
 
 
 DEVICE = "@"  # in a printed name of a constant, for its device's prefix

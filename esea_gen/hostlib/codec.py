@@ -18,17 +18,15 @@ Array = npt.NDArray[Any]
 
 INVALID = -(2**31)
 """Raw number of what is not a number or does not fit: no port takes it as valid."""
-CORRUPT = 2**32 - 1
-"""What a flag or count holds for any other number: no port takes it as valid."""
 
 
-def to_whole(values: Any) -> Array:
+def to_whole(values: Any, integer: npt.DTypeLike = np.uint32) -> Array:
     """Field content of a flag or count for numbers; integers unchanged."""
-    column = np.asarray(values)
+    column, ends = np.asarray(values), np.iinfo(np.dtype(integer))
     if column.dtype.kind in "iu":
-        return column.astype(np.uint32)
-    valid = (column >= 0) & (column <= CORRUPT) & (np.ceil(column) == column)
-    return np.where(valid, column, CORRUPT).astype(np.uint32)
+        return column.astype(integer)
+    valid = (column >= ends.min) & (column <= ends.max) & (np.ceil(column) == column)
+    return np.where(valid, column, ends.min or ends.max).astype(np.int64).astype(integer)
 
 
 def to_raw(values: Any, fraction: int) -> Array:
@@ -61,7 +59,7 @@ class Field:
     def encode(self, values: Any) -> Any:
         """Raw C values for numbers in units; integers are raw already."""
         if self.port.kind != "quantity":
-            held = to_whole(values)
+            held = to_whole(values, self.port.integer)
             return int(held) if isinstance(values, float) else held
         if self.fraction is not None and isinstance(values, float):
             return _raw_number(values, self.fraction)

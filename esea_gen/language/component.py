@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any, ClassVar, Literal
 
@@ -228,7 +229,7 @@ def _columns(table: Array, ports: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def check_ports(name: str, period_s: float, *groups: tuple[Port | Tunable, ...]) -> None:
-    """Reject a name that C has taken, a non-positive period, and duplicate port names."""
+    """Reject a taken name, a non-positive period, duplicate ports and signed counts on wires."""
     check_name("block", name)
     if not (math.isfinite(period_s) and period_s > 0):
         raise ValueError(f"block {name}: period_s must be positive, got {period_s}")
@@ -236,6 +237,9 @@ def check_ports(name: str, period_s: float, *groups: tuple[Port | Tunable, ...])
         names = [p.name for p in group]
         if len(names) != len(set(names)):
             raise ValueError(f"block {name}: a port name occurs twice in {names}")
+    for p in chain(*groups[3:]):  # inputs and outputs
+        if isinstance(p, Port) and p.kind == "count" and p.low < 0:
+            raise ValueError(f"block {name}: {p.name} counts below 0, which only a state may")
 
 
 def collect(

@@ -181,7 +181,8 @@ class Port:
     finer : float
         Outputs: fixed point is planned for a proven error so many times below its general aim.
     kind : {"quantity", "flag", "count"}
-        A flag is 0 or 1, a condition in C; a count or a choice is a whole number from 0 on.
+        A flag is 0 or 1, a condition in C; a count or a choice is a whole number, of states also
+        below 0.
     choices : type of IntEnum, optional
         Of a choice: its numbers by name, which C compares with.
     """
@@ -210,12 +211,14 @@ class Port:
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
-        if self.kind == "count" and not (low >= 0 and high < 2**24):
-            raise ValueError(f"port {self.name}: a count must be in [0, 2^24), not [{low}, {high}]")
+        if self.kind == "count" and not max(-low, high) < 2**24:
+            raise ValueError(f"port {self.name}: a count must be below 2^24, not [{low}, {high}]")
+        if self.kind == "count" and low < 0 and self.repair == "block":
+            raise ValueError(f"port {self.name}: a count below 0 is repaired by init alone")
 
     @classmethod
     def count(cls, name: str, high: float, meaning: str, **named: Any) -> Port:
-        """A port that is a whole number from 0 to ``high``.
+        """A port that is a whole number from 0, or a ``low`` of a state, to ``high``.
 
         Parameters
         ----------
@@ -249,8 +252,13 @@ class Port:
 
     @property
     def whole(self) -> bool:
-        """Whether C holds it as a ``uint32_t``: a status word, a flag or a count."""
+        """Whether C holds an integer: a status word, a flag or a count."""
         return bool(self.flags) or self.kind != "quantity"
+
+    @property
+    def integer(self) -> str:
+        """Type of that integer."""
+        return "int32" if self.low < 0 else "uint32"
 
     @property
     def unit(self) -> str:

@@ -192,7 +192,7 @@ class _Encoder:
         self.streams = STREAMS
         self.state = (
             Port.count("count_last", self.full - 1, "count of the last good frame"),
-            around("turn", TURNS, "whole turns of the encoder"),
+            Port.count("turn", TURNS, "whole turns of the encoder", low=-TURNS),
             Port.count("held", self.held_max + 1, "bad frames in a row; saturates"),
             Port.count("settled", SETTLED, "consistent frames since the start; saturates"),
             Port.flag("lost", "1 when the reference is lost; until init"),
@@ -234,10 +234,9 @@ class _Encoder:
         down = label("wrapped_down", ca.logic_and(started, raw > self.full / 2), "past count 0")
         wrap = ca.if_else(up, 1.0, ca.if_else(down, -1.0, 0.0))
         moved = label("step", raw + ca.if_else(up, self.full, ca.if_else(down, -self.full, 0.0)))
-        # Between whole numbers, so that no format can decide otherwise.
-        reach = ca.SX(self.step_max + 0.5)
+        reach = ca.SX(self.step_max)
         for k in range(1, self.held_max + 1):
-            reach = ca.if_else(s.held >= k, self.step_max * (k + 1) + 0.5, reach)
+            reach = ca.if_else(s.held >= k, self.step_max * (k + 1), reach)
         label("reach", reach, "[reach] as far as the joint can have gone, in counts")
         near = ca.fabs(moved) <= reach
 

@@ -91,7 +91,7 @@ class _GearEncoder:
         )
         self.state = (
             Port.count("count_last", self.full - 1, "count of the last good frame"),
-            around("moved", self.moved_max, "counts turned since the start"),
+            Port.count("moved", self.moved_max, "counts since the start", low=-self.moved_max),
             Port.count("held", self.held_max, "bad frames in a row; saturates"),
             Port.flag("started", "1 after the first good frame"),
             around("omega_rad_s", self.rate_lim, "rate of the last step"),
@@ -121,9 +121,9 @@ class _GearEncoder:
         back = ca.if_else(raw > self.full / 2, -float(self.full), 0.0)
         over = ca.if_else(raw < -self.full / 2, float(self.full), back)
         moved = label("step", raw + over, "the short way round")
-        reach, share = ca.SX(self.step_max + 0.5), ca.SX(1.0)
+        reach, share = ca.SX(self.step_max), ca.SX(1.0)
         for k in range(1, self.held_max + 1):
-            reach = ca.if_else(s.held >= k, self.step_max * (k + 1) + 0.5, reach)
+            reach = ca.if_else(s.held >= k, self.step_max * (k + 1), reach)
             share = ca.if_else(s.held >= k, 1 / (k + 1), share)
         label("reach", reach, "[reach] as far as the drive can have gone, in counts")
         near = ca.fabs(moved) <= reach

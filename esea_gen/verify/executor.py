@@ -272,10 +272,12 @@ def float32_trajectory(
 
 def held_stream(block: Block, stream: Stream) -> Stream:
     """A stream as C stores it: a flag or count that is not an integer is invalid."""
-    whole = {p.name for p in (*block.inputs, *block.state) if p.whole}
+    whole = {p.name: p.integer for p in (*block.inputs, *block.state) if p.whole}
 
     def held(values: Mapping[str, Array]) -> dict[str, Array]:
-        return {n: to_whole(x).astype(float) if n in whole else x for n, x in values.items()}
+        return {
+            n: to_whole(x, whole[n]).astype(float) if n in whole else x for n, x in values.items()
+        }
 
     injections = {k: held(v) for k, v in stream.injections.items()}
     return replace(stream, inputs=held(stream.inputs), injections=injections)

@@ -155,7 +155,7 @@ def _stream_bytes(stream: Stream, inputs: Sequence[Array], state: np.dtype[Any])
         for name, value in patches.items():
             kind = state[name]
             offset = int(state.fields[name][1]) if state.fields else 0
-            held = to_whole(value) if kind.base == np.uint32 else np.asarray(value)
+            held = np.asarray(value) if kind.base.kind == "f" else to_whole(value, kind.base)
             with np.errstate(over="ignore"):
                 data = held.reshape(kind.shape).astype(kind.base).tobytes()
             out.append(struct.pack("=II", offset, len(data)) + data)

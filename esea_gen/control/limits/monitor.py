@@ -110,11 +110,13 @@ class _EncoderMonitor:
         self.state = (
             Port.flag("followed", "1 when the last frame was good"),
             Port.count("count_last", self.full - 1, "last good count"),
-            around("step", self.reach, "last step, in counts", equation="[mon 1]"),
+            Port.count("step", self.reach, "last step", low=-self.reach, equation="[mon 1]"),
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
             around("mean", self.reach, "mean step"),
             Port.flag("ones", "watched bits of the last count, lowest first", size=n),
-            Port("moved", -most, most, "counts since each changed", n, equation="[mon 3]"),
+            Port.count(
+                "moved", most, "counts since each changed", low=-most, size=n, equation="[mon 3]"
+            ),
         )
         self.inputs = (
             Port.count("count", self.full - 1, "raw count", on_invalid="count_last"),

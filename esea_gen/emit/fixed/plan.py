@@ -27,7 +27,7 @@ MOST_PORT_FRACTION = 31
 
 def port_fraction(port: Port | Tunable) -> int:
     """Fraction bits of a port, from its range alone."""
-    if field_type(port, "") == "uint32_t":
+    if field_type(port, ""):
         return 0
     return min(best_fraction(Fraction(port.low), Fraction(port.high)), MOST_PORT_FRACTION)
 
@@ -75,7 +75,7 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         free = pointer in ("state", "in")
         low, high = ex.INT32 if free else f.port_range if f.checked else (f.low, f.high)
         bits = 32
-        if f.kind != "quantity":
+        if f.whole and not f.word:
             bits, (low, high) = -32, ex.UINT32
         port = f.port.name + ("" if f.size == 1 else f"[{element}]")
         return Source(

@@ -11,10 +11,10 @@ from functools import cache, cached_property
 
 from esea_gen.emit.fixed import expression as ex
 from esea_gen.emit.fixed.expression import Expr, OverflowProofError
+from esea_gen.emit.integers import UNSIGNED, chosen_nodes, integer_nodes
 from esea_gen.emit.local_names import stem
 from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
-from esea_gen.emit.unsigned import chosen_nodes, unsigned_nodes
 from esea_gen.emit.walker import (
     Kernel,
     UnsupportedOperationError,
@@ -133,7 +133,7 @@ class FieldPlan:
     @property
     def whole(self) -> bool:
         """Whether C holds a ``uint32_t``: a status word, a flag or a count."""
-        return bool(getattr(self.port, "whole", False))
+        return bool(getattr(self.port, "whole", False) and self.port.low >= 0)
 
     @property
     def size(self) -> int:
@@ -215,13 +215,14 @@ class LoweringBase:
         self.status = status_words(self.kernel, self.words, self.uses)
         self.parts = {i for w in self.status.values() for i in w.parts}
         self.compared = self._only_compared()
-        self.caps: dict[int, int] = {}
         arguments = {n.source[0]: n.source for n in nodes if n.op == "input"}
 
         def declared(argument: int) -> Port | Tunable | None:
             return self.source(*arguments[argument]).declared
 
-        self.whole = unsigned_nodes(self.kernel, declared, self.ports)
+        integers = integer_nodes(self.kernel, declared, self.ports)
+        self.whole = {i for i, c_type in integers.items() if c_type == UNSIGNED}
+        self.caps = dict.fromkeys(integers.keys() - self.whole, 0)  # of fraction bits
         self.choices = chosen_nodes(self.kernel, declared, self.ports)
 
     def _only_compared(self) -> set[int]:

@@ -13,10 +13,17 @@ from typing import Any, ClassVar
 import numpy as np
 
 from esea_gen.emit.formats.base import Format
+from esea_gen.emit.integers import SIGNED, UNSIGNED, chosen_nodes, integer_nodes, kind_of
 from esea_gen.emit.local_names import meanings, namer, parts
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, number_name
-from esea_gen.emit.unsigned import chosen_nodes, kind_of, unsigned_nodes
+from esea_gen.emit.printed import (
+    EmittedBlock,
+    PrintedKernel,
+    Statement,
+    bare,
+    field_type,
+    number_name,
+)
 from esea_gen.emit.walker import (
     COMPARING,
     OPERATIONS,
@@ -136,8 +143,9 @@ class FloatingFormat(Format):
 Access = Callable[[int, int], tuple[str, str, Any]]
 
 
-def _whole_text(value: float, choices: type[IntEnum] | None) -> str:
-    return number_name(value, choices) or f"{value:.0f}u"
+def _whole_text(value: float, choices: type[IntEnum] | None, c_type: str | None) -> str:
+    suffix = "" if c_type == SIGNED else "u"
+    return number_name(value, choices) or f"{value:.0f}{suffix}"
 
 
 def _whole_bound(n: Node, position: int, value: float) -> float:
@@ -163,20 +171,26 @@ class _Operands:
         def port(argument: int) -> Any:
             return self.access(argument, 0)[2]
 
-        self.whole = unsigned_nodes(self.kernel, port, self.ports)
+        self.whole = integer_nodes(self.kernel, port, self.ports)
         self.choices = chosen_nodes(self.kernel, port, self.ports)
         inputs = {i: port(n.source[0]) for i, n in enumerate(self.kernel.nodes) if n.op == "input"}
         # In memory, which may hold any pattern.
         self.flags = {i for i, p in inputs.items() if kind_of(p) == "flag"}
 
-    def compares_whole(self, n: Node) -> bool:
+    def compares_whole(self, n: Node) -> str:
+        """C type in which a comparison compares integers; empty where it compares numbers."""
+        types = {self.whole[a] for a in n.args if a in self.whole}
+        if n.op not in COMPARING or not types:
+            return ""
+        c_type = SIGNED if SIGNED in types else UNSIGNED
         others = [self.kernel.nodes[a] for a in n.args if a not in self.whole]
-        if n.op not in COMPARING or len(others) == 2:
-            return False
-        least = "lt", "le"
-        return all(
-            c.op == "const" and c.value >= 0 and (n.op in least or c.value % 1 == 0) for c in others
+        fits = (
+            c.op == "const"
+            and (c.value >= 0 or c_type == SIGNED)
+            and (n.op in ("lt", "le") or c.value % 1 == 0)
+            for c in others
         )
+        return c_type if all(fits) else ""
 
     def text(self, i: int, position: int, text: str) -> str:
         n = self.kernel.nodes[i]
@@ -186,17 +200,19 @@ class _Operands:
         if n.op in LOGICAL or alike or (n.op in SELECTING and position == 0):
             if operand.boolean:
                 return text
-            zero = "0u" if a in self.flags | self.whole else self.fmt.literal(0.0)
+            whole = a in self.flags or a in self.whole
+            zero = _whole_text(0, None, self.whole.get(a)) if whole else self.fmt.literal(0.0)
             return f"({text} != {zero})"
         compares = self.compares_whole(n)
-        if compares or i in self.whole:
+        if c_type := compares or self.whole.get(i):
             if operand.op != "const":
-                cast = "" if a in self.whole else "(uint32_t)"  # a choice that is a number as well
-                return bare(text) if compares else f"{cast}{text}"
+                if self.whole.get(a) != c_type:  # or a choice that is a number as well
+                    return f"({c_type}){text}"
+                return bare(text) if compares or n.op in _CALLS else text
             value = _whole_bound(n, position, operand.value) if compares else operand.value
             named = n.op in ("eq", "ne") or not compares
             of = [self.choices[k] for k in (*n.args, i) if named and k in self.choices]
-            return _whole_text(value, of[0] if of else None)
+            return _whole_text(value, of[0] if of else None, c_type)
         if a in self.flags:
             return _number(self.fmt, f"{text} != 0u")
         if a in self.whole:
@@ -213,12 +229,13 @@ class _Operands:
             if i in self.whole:
                 return f"({self.fmt.c_type}){text}"
             return _number(self.fmt, text) if n.boolean else text
+        c_type = field_type(port, "")
         if i in self.whole or i in self.flags:
-            return text
+            return text if self.whole.get(i, UNSIGNED) == c_type else f"({c_type}){text}"
         if n.boolean:
             return f"({text} ? 1u : 0u)"
-        if n.op == "const" and n.value >= 0 and n.value % 1 == 0:
-            return _whole_text(n.value, port.choices)
+        if n.op == "const" and (n.value >= 0 or c_type == SIGNED) and n.value % 1 == 0:
+            return _whole_text(n.value, port.choices, c_type)
         raise UnsupportedOperationError(
             f"{self.kernel.name}: {port.name} is a {port.kind}, but its value is not a whole number"
         )
@@ -242,7 +259,7 @@ def print_kernel(
     arguments = set()
     inputs = {i: access(*n.source) for i, n in enumerate(kernel.nodes) if n.op == "input"}
     name_of = namer({x[0] for x in inputs.values()}, labels, others or {})
-    chained: dict[int, tuple[str, bool]] = {}  # printed where they are used, without brackets
+    chained: dict[int, tuple[str, str | None]] = {}  # printed where they are used, without brackets
     write = _Operands(fmt, kernel, access, ports)
     whole, choices = write.whole, write.choices
 
@@ -262,24 +279,26 @@ def print_kernel(
         if n.op == "input":
             read, source, port = inputs[i]
             arguments.add(n.source[0])
-            c_type = fmt.c_type if kind_of(port) == "quantity" else "uint32_t"
+            c_type = fmt.c_type if kind_of(port) == "quantity" else field_type(port, "")
             statements.append(Statement(c_type, read, source))
             atoms.append(read)
             continue
         operands = []
         for position, a in enumerate(n.args):
-            same = chained.get(a) == (n.op, i in whole)
+            same = chained.get(a) == (n.op, whole.get(i))
             read_on = same and (n.op != "add" or position == 0)
             operands.append(bare(atoms[a]) if read_on else write.text(i, position, atoms[a]))
         checked = checked_from_zero(kernel, n)
-        unsigned = checked in whole or checked in write.flags  # at least 0 by its type
+        # At least 0 by its type.
+        unsigned = whole.get(checked) == UNSIGNED or checked in write.flags
         if unsigned:
             most = kernel.nodes[kernel.nodes[n.args[0]].args[1]].value
-            text = f"{atoms[checked]} <= {_whole_text(most, choices.get(checked))}"
+            text = f"{atoms[checked]} <= {_whole_text(most, choices.get(checked), UNSIGNED)}"
         elif i in whole and n.op == "if_else_zero":
-            text = f"{operands[0]} ? {operands[1]} : {_whole_text(0, choices.get(i))}"
+            text = f"{operands[0]} ? {operands[1]} : {_whole_text(0, choices.get(i), whole[i])}"
         else:
             text = fmt.expression(n, operands, kernel)
+            text = text.replace("esea_f", "esea_i") if i in whole else text
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
         inline = (
@@ -291,9 +310,9 @@ def print_kernel(
         if inline:
             atoms.append(text if n.op in _CALLS else f"({text})")
             if n.op in _CHAINS and not unsigned:
-                chained[i] = n.op, i in whole
+                chained[i] = n.op, whole.get(i)
             continue
-        c_type = "bool" if n.boolean else "uint32_t" if i in whole else fmt.c_type
+        c_type = "bool" if n.boolean else whole.get(i, fmt.c_type)
         statements.append(Statement(c_type, name_of(i), text, named[1] if named else ""))
         atoms.append(statements[-1].name)
 

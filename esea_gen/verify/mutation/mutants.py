@@ -14,9 +14,9 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS, Format
 from esea_gen.emit.formats.floating import FloatingFormat
+from esea_gen.emit.integers import integer_nodes
 from esea_gen.emit.program_c import emit_program
 from esea_gen.emit.render import COUNTER, Renderer
-from esea_gen.emit.unsigned import unsigned_nodes
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.language.block import Block
 from esea_gen.language.builder import array_name
@@ -83,7 +83,7 @@ def _whole(block: Block, kernel: Kernel) -> set[int]:
     given = (*block.coefficients, *block.state, *block.inputs)
     inputs = (i for i, n in enumerate(kernel.nodes) if n.op == "input")
     flags = {i for i in inputs if given[kernel.nodes[i].source[0]].whole}
-    return flags | unsigned_nodes(kernel, given.__getitem__, (*block.state, *block.outputs))
+    return flags | {*integer_nodes(kernel, given.__getitem__, (*block.state, *block.outputs))}
 
 
 def _kernel_mutants(block: Block, file: str, fmt: Format) -> Iterator[Mutant]:
