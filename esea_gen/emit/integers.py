@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from itertools import chain, product
 from typing import Any
 
 from esea_gen.emit.printed import field_type
@@ -12,32 +14,12 @@ from esea_gen.language.ports import Port
 
 UNSIGNED, SIGNED = "uint32_t", "int32_t"
 MOST_WHOLE = 2**31 - 1
-_JOINING = frozenset({"add", "sub", *SELECTING})
-_SIGNED = frozenset({"fabs", "fmin", "fmax", "mul"})
-
-Ends = tuple[float, float]
+_UNSIGNED = {"add": operator.add, "sub": operator.sub} | dict.fromkeys(SELECTING, max)
+_OPERATIONS = _UNSIGNED | {"mul": operator.mul, "fabs": abs, "fmin": min, "fmax": max}
 
 
 def kind_of(port: Any) -> str:
     return getattr(port, "kind", "quantity")
-
-
-def _joined(op: str, ends: Sequence[Ends]) -> Ends | None:
-    # Where the result lies; None where C has no operation of integers, or a zero may be negative.
-    lows, highs = zip(*ends, strict=True)
-    if op == "sub":
-        return lows[0] - highs[1], highs[0] - lows[1]
-    if op == "add":
-        return sum(lows), sum(highs)
-    if op == "mul":
-        positive = [low for low, high in ends if low == high > 0]
-        return (lows[0] * lows[1], highs[0] * highs[1]) if positive else None
-    if op == "fabs":
-        return 0.0, max(-lows[0], highs[0])
-    if op in ("fmin", "fmax"):
-        choose = min if op == "fmin" else max
-        return choose(lows), choose(highs)
-    return min(lows), max(highs)
 
 
 def integer_nodes(
@@ -50,7 +32,7 @@ def integer_nodes(
     compared, until the guard has chosen it.
     """
     nodes = kernel.nodes
-    ends: dict[int, Ends] = {}  # of what can be a whole number
+    ends: dict[int, tuple[float, float]] = {}  # of what can be a whole number
     types: dict[int, str] = {}
     found: dict[int, str] = {}
     raw = set()  # signed counts as memory holds them: any pattern
@@ -65,17 +47,20 @@ def integer_nodes(
         elif n.op == "const":
             if n.value == n.value // 1:
                 ends[i] = n.value, n.value
-        elif n.op in _JOINING | _SIGNED and all(a in ends for a in parts):
+        elif n.op in _OPERATIONS and all(a in ends for a in parts):
             arms = both_arms(nodes, n)[1:] or parts
+            chooses = n.op in SELECTING or arms != parts
             given = [ends[a] for a in arms]
-            zero = [(0.0, 0.0)] if n.op == "if_else_zero" else []
-            op = n.op if arms == parts else "select"
-            reached = _joined(op, [*given, *zero])
-            unguarded = op not in SELECTING and not raw.isdisjoint(arms)
-            if reached is None or unguarded or max(-reached[0], reached[1]) > MOST_WHOLE:
+            corners = product(*given)
+            reached = [*chain(*given)] if chooses else [_OPERATIONS[n.op](*x) for x in corners]
+            reached += [0.0] * (n.op in ("if_else_zero", "fabs"))
+            low, high = min(reached), max(reached)
+            # A zero that is negative, or what memory holds, is a number.
+            signs = n.op == "mul" and not any(x == y > 0 for x, y in given)
+            if signs or max(-low, high) > MOST_WHOLE or not (chooses or raw.isdisjoint(arms)):
                 continue
-            alike = n.op in _JOINING and all(low >= 0 for low, _ in (*given, reached))
-            ends[i], types[i] = reached, UNSIGNED if alike else SIGNED
+            unsigned = n.op in _UNSIGNED and low >= 0 and all(x >= 0 for x, _ in given)
+            ends[i], types[i] = (low, high), UNSIGNED if unsigned else SIGNED
             if any(a in found for a in parts):
                 found[i] = types[i]
     read_as_number, read_as_signed = set[int](), set[int]()
@@ -90,7 +75,8 @@ def integer_nodes(
         compares = n.op in COMPARING and any(a in found for a in n.args)
         if not (i in found or (compares and all(a in ends for a in n.args))):
             read_as_number |= set(n.args)
-        read_as_signed |= set(n.args) if found.get(i) == SIGNED else set()
+        read = (i, *n.args) if compares else (i,)
+        read_as_signed |= set(n.args) if SIGNED in map(found.get, read) else set()
     return found
 
 

@@ -275,9 +275,7 @@ def held_stream(block: Block, stream: Stream) -> Stream:
     whole = {p.name: p.integer for p in (*block.inputs, *block.state) if p.whole}
 
     def held(values: Mapping[str, Array]) -> dict[str, Array]:
-        return {
-            n: to_whole(x, whole[n]).astype(float) if n in whole else x for n, x in values.items()
-        }
+        return {n: to_whole(x, whole[n]) * 1.0 if n in whole else x for n, x in values.items()}
 
     injections = {k: held(v) for k, v in stream.injections.items()}
     return replace(stream, inputs=held(stream.inputs), injections=injections)

@@ -16,14 +16,7 @@ from esea_gen.emit.formats.base import Format
 from esea_gen.emit.integers import SIGNED, UNSIGNED, chosen_nodes, integer_nodes, kind_of
 from esea_gen.emit.local_names import meanings, namer, parts
 from esea_gen.emit.naming import Naming
-from esea_gen.emit.printed import (
-    EmittedBlock,
-    PrintedKernel,
-    Statement,
-    bare,
-    field_type,
-    number_name,
-)
+from esea_gen.emit.printed import EmittedBlock, PrintedKernel, Statement, bare, number_name
 from esea_gen.emit.walker import (
     COMPARING,
     OPERATIONS,
@@ -183,14 +176,11 @@ class _Operands:
         if n.op not in COMPARING or not types:
             return ""
         c_type = SIGNED if SIGNED in types else UNSIGNED
-        others = [self.kernel.nodes[a] for a in n.args if a not in self.whole]
-        fits = (
-            c.op == "const"
-            and (c.value >= 0 or c_type == SIGNED)
-            and (n.op in ("lt", "le") or c.value % 1 == 0)
-            for c in others
-        )
-        return c_type if all(fits) else ""
+        for c in (self.kernel.nodes[a] for a in n.args if a not in self.whole):
+            above, between = c.value >= 0 or c_type == SIGNED, n.op in ("lt", "le")
+            if c.op != "const" or not (above and (between or c.value % 1 == 0)):
+                return ""
+        return c_type
 
     def text(self, i: int, position: int, text: str) -> str:
         n = self.kernel.nodes[i]
@@ -229,7 +219,7 @@ class _Operands:
             if i in self.whole:
                 return f"({self.fmt.c_type}){text}"
             return _number(self.fmt, text) if n.boolean else text
-        c_type = field_type(port, "")
+        c_type = f"{port.integer}_t"
         if i in self.whole or i in self.flags:
             return text if self.whole.get(i, UNSIGNED) == c_type else f"({c_type}){text}"
         if n.boolean:
@@ -279,7 +269,7 @@ def print_kernel(
         if n.op == "input":
             read, source, port = inputs[i]
             arguments.add(n.source[0])
-            c_type = fmt.c_type if kind_of(port) == "quantity" else field_type(port, "")
+            c_type = fmt.c_type if kind_of(port) == "quantity" else f"{port.integer}_t"
             statements.append(Statement(c_type, read, source))
             atoms.append(read)
             continue
