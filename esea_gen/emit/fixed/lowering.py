@@ -147,9 +147,9 @@ class Lowering(Elementary):
         self, i: int, f: FieldPlan, cut: bool, saturations: list[str]
     ) -> tuple[Expr, float]:
         v = self.values[i]
-        if f.kind == "flag":
+        if f.port.kind == "flag":
             return ex.cast(self._condition(i), -32), 0.0
-        if f.kind == "count" and f.whole:
+        if f.port.kind == "count" and f.whole:
             if i in self.whole or self._constant(i) is not None:
                 return self._unsigned(i, getattr(f.port, "choices", None)), 0.0
             e, _, _ = self.align(i, 0, 32)

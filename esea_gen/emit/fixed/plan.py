@@ -58,7 +58,7 @@ def _field(port: Port | Tunable, fraction: int) -> FieldPlan:
 
 
 def _place(pointer: str, f: FieldPlan, element: int) -> str:
-    index = "" if f.size == 1 else f"[{element}]"
+    index = "" if f.port.size == 1 else f"[{element}]"
     text = f"{pointer}->{f.name}{index}"
     return f"(int32_t){text}" if f.word else text
 
@@ -69,7 +69,7 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
     def source(argument: int, element: int) -> Source:
         pointer, f = flat[argument]
         base = stem(f.port.name) + ("_now" if pointer == "state" else "")
-        base += "" if f.size == 1 else f"_{element}"
+        base += "" if f.port.size == 1 else f"_{element}"
         # Inputs and states can hold any bit pattern, as coefficients can that the step checks; what
         # prepare made of the others is trusted.
         free = pointer in ("state", "in")
@@ -77,7 +77,7 @@ def _sources(*groups: tuple[str, tuple[FieldPlan, ...]]) -> Any:
         bits = 32
         if f.whole and not f.word:
             bits, (low, high) = -32, ex.UINT32
-        port = f.port.name + ("" if f.size == 1 else f"[{element}]")
+        port = f.port.name + ("" if f.port.size == 1 else f"[{element}]")
         return Source(
             base, _place(pointer, f, element), f.fraction, low, high, port, f.port, f.checked, bits
         )
@@ -210,8 +210,8 @@ def raw_places(
 ) -> dict[str, ex.Array]:
     out = {}
     for f, c in zip(fields, columns, strict=True):
-        table = np.asarray(c, dtype=object).reshape(-1, f.size)
-        for k in range(f.size):
+        table = np.asarray(c, dtype=object).reshape(-1, f.port.size)
+        for k in range(f.port.size):
             held = [int(v) & ex.UINT32[1] if f.whole else int(v) for v in table[:, k]]
             out[_place(pointer, f, k)] = np.array(held, dtype=object)
     return out

@@ -228,7 +228,7 @@ def _probe(plan: BlockPlan) -> float:
     worst = 0.0
     for k in range(PROBE_STEPS):
         wave = math.sin(0.4 * k) * 10.0 ** (-3.0 + 2.0 * k / PROBE_STEPS)
-        given = [[[f.raw(wave * f.port.high)] * f.size] for f in fields["in"]]
+        given = [[[f.raw(wave * f.port.high)] * f.port.size] for f in fields["in"]]
         now = [[[int(e[0]) for e in r]] for r in state]
         here = places | raw_places("state", fields["state"], now)
         here |= raw_places("in", fields["in"], given)

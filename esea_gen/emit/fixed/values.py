@@ -127,17 +127,9 @@ class FieldPlan:
         return bool(getattr(self.port, "flags", ()))
 
     @property
-    def kind(self) -> str:
-        return str(getattr(self.port, "kind", "quantity"))
-
-    @property
     def whole(self) -> bool:
-        """Whether C holds a ``uint32_t``: a status word, a flag or a count."""
+        """Whether C holds a ``uint32_t``: a status word, a flag or a count from 0 on."""
         return bool(getattr(self.port, "whole", False) and self.port.low >= 0)
-
-    @property
-    def size(self) -> int:
-        return int(getattr(self.port, "size", 1))
 
     @property
     def port_range(self) -> tuple[int, int]:

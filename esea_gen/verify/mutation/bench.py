@@ -257,9 +257,6 @@ def task_signature(library: HostLibrary) -> list[bytes]:
                 ffi.buffer(memory)[:] = b"\xa5" * len(ffi.buffer(memory))
             runner.prepare(tunables)
             out += [bytes(ffi.buffer(memory)) for memory in filled]
-            rubbish = runner.state
-            rubbish.view(np.uint8)[:] = 0xA5
-            runner.state = rubbish
             runner.reset()
             out.append(runner.state.tobytes())
             for stream in (slow, inputs):
