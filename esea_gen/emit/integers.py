@@ -13,8 +13,9 @@ from esea_gen.emit.walker import COMPARING, SELECTING, Kernel, both_arms
 from esea_gen.language.ports import Port
 
 UNSIGNED, SIGNED = "uint32_t", "int32_t"
-MOST_WHOLE = 2**31 - 1
-_UNSIGNED = {"add": operator.add, "sub": operator.sub} | dict.fromkeys(SELECTING, max)
+_UNSIGNED: dict[str, Any] = {"add": operator.add, "sub": operator.sub} | dict.fromkeys(
+    SELECTING, max
+)
 _OPERATIONS = _UNSIGNED | {"mul": operator.mul, "fabs": abs, "fmin": min, "fmax": max}
 
 
@@ -35,7 +36,7 @@ def integer_nodes(
     ends: dict[int, tuple[float, float]] = {}  # of what can be a whole number
     types: dict[int, str] = {}
     found: dict[int, str] = {}
-    raw = set()  # signed counts as memory holds them: any pattern
+    raw = set[int]()  # signed counts as memory holds them: any pattern
     for i, n in enumerate(nodes):
         parts = n.args[n.op in SELECTING :]
         if n.op == "input":
@@ -57,7 +58,7 @@ def integer_nodes(
             low, high = min(reached), max(reached)
             # A zero that is negative, or what memory holds, is a number.
             signs = n.op == "mul" and not any(x == y > 0 for x, y in given)
-            if signs or max(-low, high) > MOST_WHOLE or not (chooses or raw.isdisjoint(arms)):
+            if signs or max(-low, high) >= 2**31 or not (chooses or raw.isdisjoint(arms)):
                 continue
             unsigned = n.op in _UNSIGNED and low >= 0 and all(x >= 0 for x, _ in given)
             ends[i], types[i] = (low, high), UNSIGNED if unsigned else SIGNED
