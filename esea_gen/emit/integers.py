@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from itertools import chain, product
+from operator import add, mul, sub
 from typing import Any
 
 from esea_gen.emit.printed import field_type
@@ -13,10 +13,8 @@ from esea_gen.emit.walker import COMPARING, SELECTING, Kernel, both_arms
 from esea_gen.language.ports import Port
 
 UNSIGNED, SIGNED = "uint32_t", "int32_t"
-_UNSIGNED: dict[str, Any] = {"add": operator.add, "sub": operator.sub} | dict.fromkeys(
-    SELECTING, max
-)
-_OPERATIONS = _UNSIGNED | {"mul": operator.mul, "fabs": abs, "fmin": min, "fmax": max}
+_UNSIGNED = SELECTING | {"add", "sub"}
+_RULES: dict[str, Any] = {"add": add, "sub": sub, "mul": mul, "fabs": abs, "fmin": min, "fmax": max}
 
 
 def kind_of(port: Any) -> str:
@@ -48,12 +46,12 @@ def integer_nodes(
         elif n.op == "const":
             if n.value == n.value // 1:
                 ends[i] = n.value, n.value
-        elif n.op in _OPERATIONS and all(a in ends for a in parts):
+        elif n.op in _UNSIGNED | _RULES.keys() and all(a in ends for a in parts):
             arms = both_arms(nodes, n)[1:] or parts
             chooses = n.op in SELECTING or arms != parts
             given = [ends[a] for a in arms]
             corners = product(*given)
-            reached = [*chain(*given)] if chooses else [_OPERATIONS[n.op](*x) for x in corners]
+            reached = [*chain(*given)] if chooses else [_RULES[n.op](*x) for x in corners]
             reached += [0.0] * (n.op in ("if_else_zero", "fabs"))
             low, high = min(reached), max(reached)
             # A zero that is negative, or what memory holds, is a number.
