@@ -106,7 +106,7 @@ class _EncoderMonitor:
         self.streams = OwnStreams(_events)
         bits = Constant("watched_bits", len(self.watched), "a step of these may pass", "derived")
         self.constants = (*device.constants("monitor")[:2], bits)
-        n, top, of_bits = len(self.watched), max(self.room), {"equation": "[mon 3]"}
+        n, far, of_bits = len(self.watched), max(self.room), {"equation": "[mon 3]"}
         self.state = (
             Port.flag("followed", "1 when the last frame was good"),
             Port.count("count_last", self.full - 1, "last good count"),
@@ -114,7 +114,7 @@ class _EncoderMonitor:
             Port("roughness", 0.0, MOST**2, "roughness", equation="[mon 2]"),
             around("mean", self.reach, "mean step"),
             Port.flag("ones", "watched bits of the last count, lowest first", size=n),
-            Port.count("moved", top, "counts since each changed", low=-top, size=n, **of_bits),
+            Port.count("moved", far, "counts since each changed", low=-far, size=n, **of_bits),
         )
         self.inputs = (
             Port.count("count", self.full - 1, "raw count", on_invalid="count_last"),
