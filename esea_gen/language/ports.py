@@ -181,8 +181,7 @@ class Port:
     finer : float
         Outputs: fixed point is planned for a proven error so many times below its general aim.
     kind : {"quantity", "flag", "count"}
-        A flag is 0 or 1, a condition in C; a count or a choice is a whole number, of states also
-        below 0.
+        A flag is 0 or 1, a condition in C; a count or a choice is a whole number.
     choices : type of IntEnum, optional
         Of a choice: its numbers by name, which C compares with.
     """

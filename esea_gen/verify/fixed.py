@@ -97,8 +97,9 @@ class RawExecutor:
 
 
 def _raw(f: FieldPlan, values: Any) -> Array:
-    whole = isinstance(f.port, Port) and f.port.kind != "quantity"
-    return to_whole(values, f.port.integer) if whole else to_raw(values, f.fraction)
+    if isinstance(f.port, Port) and f.port.kind != "quantity":
+        return to_whole(values, f.port.integer)
+    return to_raw(values, f.fraction)
 
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
