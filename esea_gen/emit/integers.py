@@ -32,8 +32,7 @@ def integer_nodes(
     """
     nodes = kernel.nodes
     ends: dict[int, tuple[float, float]] = {}  # of what can be a whole number
-    types: dict[int, str] = {}
-    found: dict[int, str] = {}
+    types, found = dict[int, str](), dict[int, str]()
     raw = set[int]()  # signed counts as memory holds them: any pattern
     for i, n in enumerate(nodes):
         parts = n.args[n.op in SELECTING :]
@@ -43,9 +42,8 @@ def integer_nodes(
                 ends[i] = port.low, port.high
                 found[i] = types[i] = field_type(port, "")
                 raw |= {i} if port.low < 0 else set()
-        elif n.op == "const":
-            if n.value == n.value // 1:
-                ends[i] = n.value, n.value
+        elif n.op == "const" and n.value == n.value // 1:
+            ends[i] = n.value, n.value
         elif n.op in _UNSIGNED | _RULES.keys() and all(a in ends for a in parts):
             arms = both_arms(nodes, n)[1:] or parts
             chooses = n.op in SELECTING or arms != parts

@@ -347,8 +347,7 @@ def run_schedule(
             given = {n: a[k] for n, a in inputs[task.name].items() if n}
             for name, value in board.step(task.name, **given).items():
                 found[task.name][name].append(value)
-    single = isinstance(board, CBoard) and board.library.real == "f32"
-    number = np.float32 if single else np.float64
+    number = np.float32 if isinstance(board, CBoard) and board.library.real == "f32" else float
     kinds = {x.name: np.uint32 if x.port.whole else number for x in system.outputs}
     return {
         t: {n: np.asarray(v, dtype=kinds[n]) for n, v in outputs.items()}
