@@ -113,9 +113,7 @@ class _Trend:
                 Port("effort", 0.0, 1.01, "mean square of the command relative to the largest"),
             )
         n = len(self.ends_s)
-        ahead = around(
-            "tau_ahead_Nm", self.tau_lim, "desired torque at the intervals' ends", n or 1
-        )
+        ahead = around("tau_ahead_Nm", self.tau_lim, "desired torque at interval ends", n or 1)
         self.outputs = (
             *((ahead,) if n else ()),
             around("tau_rate_Nm_s", self.rate_lim, "present rate of the desired torque"),
@@ -202,7 +200,7 @@ class _Trend:
     def along(
         self, s: Any, u: Any, seen: SimpleNamespace, label: Labels
     ) -> tuple[list[Any], dict[str, Any]]:
-        """Desired torque at the intervals' ends, and the means that it depends on."""
+        """Desired torque at interval ends, and the means that it depends on."""
 
         def mean(name: str, keep: float, value: Any) -> Any:
             return label(name, (1 - keep) * value * value + keep * vars(s)[name], "mean square")

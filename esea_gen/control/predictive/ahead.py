@@ -97,7 +97,7 @@ class _Ahead:
         full = self.full_scale
         inputs = [
             Port.choice("mode", Mode, "active mode"),
-            around("tau_preview_Nm", self.tau_lim, "desired torque at the intervals' ends", self.n)
+            around("tau_preview_Nm", self.tau_lim, "desired torque at interval ends", self.n)
             if self.torque_given
             else around("tau_wanted_Nm", self.tau_lim, "present desired torque"),
             around("offset_Nm", self.widest, "from the law to where the torque was, now"),
@@ -114,9 +114,7 @@ class _Ahead:
             # Along the horizon, not as a torque that holds: the law knows how the limb will move.
             inputs.append(Port("damping_Nms_rad", 0.0, self.kd_high, "damping that was added"))
         flags = (Flag("INPUT_INVALID", "an input was NaN or outside its range; off", True),)
-        outputs = [
-            around("tau_d_Nm", self.tau_lim, "desired torque at the intervals' ends", self.n)
-        ]
+        outputs = [around("tau_d_Nm", self.tau_lim, "desired torque at interval ends", self.n)]
         if self.one_layer:
             word = "preview" if self.given else "wanted"
             inputs += [

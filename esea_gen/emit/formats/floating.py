@@ -291,13 +291,8 @@ def print_kernel(
             text = text.replace("esea_f", "esea_i") if i in whole else text
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
-        inline = (
-            named is None
-            and i not in wanted
-            and uses[i] == 1
-            and (n.boolean or len(text) <= _SHORT.get(n.op, 0))
-        )
-        if inline:
+        short = n.boolean or len(text) <= _SHORT.get(n.op, 0)
+        if named is None and i not in wanted and uses[i] == 1 and short:
             atoms.append(text if n.op in _CALLS else f"({text})")
             if n.op in _CHAINS and not unsigned:
                 chained[i] = n.op, whole.get(i)
