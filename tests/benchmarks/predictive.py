@@ -1,9 +1,9 @@
-"""Cost of predictive control: bound, worst and typical instructions; compared with a peer.
+"""Cost of predictive control: bound, worst and typical instructions.
 
     python -m tests.benchmarks.predictive [--horizons] [--json FILE]
 
 Instructions are counted on the object code (the bound) and in an emulator (what was seen); they are
-not cycles.  Times are of this machine, the thread's own, in turns with the peer.
+not cycles.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ from tests.rendered_program import ProgramRenderer, render_program
 
 from .peers import with_templates
 from .predictive_loop import recorded_rows
-from .predictive_peer import step_times
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
@@ -244,7 +243,7 @@ def main() -> None:
     parser.add_argument("--horizons", action="store_true", help="also the bound over the horizon")
     parser.add_argument("--json", type=Path, help="also write the numbers")
     chosen = parser.parse_args()
-    found = {"cores": costs(), "whole_step": step_times("mpc")}
+    found: dict[str, Any] = {"cores": costs()}
     if chosen.horizons:
         found["horizons"] = horizon_rows("Cortex-M4F")
     text = json.dumps(found, indent=1)
