@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from esea_gen.board.bound import CodeBlock, InstructionBound, graphs_of, step_bound
+from esea_gen.board.bound import InstructionBound, step_bound
 from esea_gen.board.emulator import qemu_command
 from esea_gen.control.laws.predictive import device_horizon, drive_train
 from esea_gen.control.predictive.drive import predictive_controller
@@ -39,7 +39,6 @@ from .predictive_loop import recorded_rows
 
 CORES = {b.core: b.processor for b in boards_for("instructions")}
 FLAGS = (*EXACT_FLAGS, *SECTION_FLAGS, "-g")
-CYCLES_PER_INSTRUCTION = (1.0, 1.5, 2.0)
 AIM_BOUND, AIM_TYPICAL = 60_000, 25_000
 
 
@@ -50,7 +49,6 @@ class Cost:
     bound: InstructionBound
     code_bytes: int
     state_bytes: int
-    stack_bytes: int
 
 
 def build_program(
@@ -85,35 +83,8 @@ def entry_files(renderer: ProgramRenderer) -> dict[str, str]:
     return {"entry.c": "\n".join(lines) + "\n"}
 
 
-def stack_of(name: str, graphs: dict[str, dict[int, CodeBlock]]) -> int:
-    """Bytes that a function and what it calls push, from the object code."""
-    own = deepest = 0
-    for block in graphs[name].values():
-        for i in block.code:
-            if i.name.startswith(("push", "stmdb", "stmfd")) and "}" in i.operands:
-                if i.name.startswith("push") or i.operands.startswith("sp!"):
-                    own += 4 * _registers(i.operands)
-            elif i.name.startswith("vpush"):
-                wide = 8 if "{d" in i.operands else 4
-                own += wide * _registers(i.operands)
-            elif i.name.startswith("sub") and (m := re.match(r"sp, (?:sp, )?#(\d+)", i.operands)):
-                own += int(m[1])
-        for c in block.calls:
-            deepest = max(deepest, stack_of(c, graphs))
-    return own + deepest
-
-
-def _registers(operands: str) -> int:
-    inside = operands[operands.index("{") + 1 : operands.index("}")]
-    total = 0
-    for item in inside.split(","):
-        ends = re.findall(r"\d+", item) if "-" in item else []
-        total += int(ends[1]) - int(ends[0]) + 1 if ends else 1
-    return total
-
-
 def cost_on(program: Program, core: str) -> Cost:
-    """Bound, stack and memory of a program's f32 step on one core, from its object code."""
+    """Bound and memory of a program's f32 step on one core, from its object code."""
     renderer = render_program(program, "f32")
     source = f"{renderer.prefix}_{program.name}.c"
     loops = renderer.emitted[program.name].loops
@@ -122,14 +93,13 @@ def cost_on(program: Program, core: str) -> Cost:
         text = (Path(scratch) / source).read_text(encoding="utf-8")
         step = f"{renderer.prefix}_{program.name}_step"
         bound = step_bound(elf, step, source, loop_lines(text, loops), loops)
-        stack_bytes = stack_of(step, graphs_of(elf, step))
         listed = subprocess.run(
             ["arm-none-eabi-nm", "-S", str(elf)], capture_output=True, text=True, check=True
         ).stdout
     found = re.finditer(r"^\w+ (\w+) \w (\S+)$", listed, re.MULTILINE)
     sizes = {m[2]: int(m[1], 16) for m in found}
     text_bytes = sum(sizes.get(f, 0) for f in bound.by_function)
-    return Cost(bound, text_bytes, sizes["state"], stack_bytes)
+    return Cost(bound, text_bytes, sizes["state"])
 
 
 def seen_on_m4f(
@@ -217,13 +187,10 @@ def costs() -> dict[str, dict[str, Any]]:
     found = {}
     for board in boards_for("instructions"):
         cost = cost_on(program, board.core)
-        bound = cost.bound.instructions
         at = found[board.core] = {
-            "bound_instructions": bound,
-            "stack_bytes": cost.stack_bytes,
+            "bound_instructions": cost.bound.instructions,
             "code_bytes": cost.code_bytes,
             "state_bytes": cost.state_bytes,
-            "rates_Hz": {x: board.clock_Hz / (x * bound) for x in CYCLES_PER_INSTRUCTION},
         }
         if board.core == "Cortex-M4F":
             usual = []
@@ -234,7 +201,6 @@ def costs() -> dict[str, dict[str, Any]]:
             at["worst_seen"] = float(seen_on_m4f(program, stress_rows(program, 400))[0].max())
             at["largest_seen"] = float(np.max(usual))
             at["median_seen"] = float(np.median(usual))
-            at["aims"] = {"bound": AIM_BOUND, "typical": AIM_TYPICAL}
     return found
 
 

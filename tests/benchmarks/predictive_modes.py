@@ -25,6 +25,7 @@ from esea_gen.device import load_device
 from esea_gen.language.ports import Array
 from esea_gen.language.program import Program
 from esea_gen.model.mode import Mode
+from esea_gen.studies.passivity.push import GAIN_TUNABLES
 from esea_gen.studies.passivity.study import HANDS
 
 H, EVERY = 1e-3, 5
@@ -90,8 +91,9 @@ class Controller:
     ) -> None:
         device = load_device("elbow_mpc")
         self.actuator, system = device.file.actuator, device.system
-        named = dict(zip(("Kp_Nm_rad", "Kd_Nms_rad"), gains, strict=True))
-        self.sim: Any = system.simulator({"reference": named})
+        self.sim: Any = system.simulator(
+            {"reference": dict(zip(GAIN_TUNABLES, gains, strict=True))}
+        )
         self.own = []
         for name, block in system.blocks.items():
             if name.startswith(("encoder_", "monitor")):
@@ -198,7 +200,7 @@ def rows() -> list[dict[str, Any]]:
                 if growth[i] > best["growth_1_s"]:
                     best = {"growth_1_s": float(growth[i]), "frequency_Hz": float(frequency_Hz[i])}
                     best |= asdict(plant)
-            found.append(dict(zip(("Kp_Nm_rad", "Kd_Nms_rad"), gains, strict=True)) | best)
+            found.append(dict(zip(GAIN_TUNABLES, gains, strict=True)) | best)
             print(json.dumps(found[-1]), flush=True)
     return found
 
