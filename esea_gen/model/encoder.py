@@ -402,9 +402,7 @@ def _edges(block: Block, dtype: np.dtype[Any], _rng: np.random.Generator) -> lis
             near = [tie + k * np.spacing(tie) for k in range(-6, 7)]
             near += [dtype.type((half * (1 + s) - here) / slope) for s in (-4e-3, 4e-3)]
             frames += [(start, {offset.name: np.array([float(z)])}, at) for z in near]
-    edge = dtype.type(0.5)
-    for value in (edge - np.spacing(edge), edge, edge + np.spacing(edge), dtype.type(0.503)):
-        frames.append((start, {zeroed.name: np.array([float(value)])}, 0.0))
+    frames += [(start, {zeroed.name: np.array([value])}, 0.0) for value in (0.0, 1.0)]
     for bad in range(held + 1):
         for far in (0, 1):
             for way in (-1, 1):
