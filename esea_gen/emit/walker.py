@@ -56,7 +56,7 @@ BOOLEAN = frozenset({"not", "lt", "le", "eq", "ne", "and", "or"})
 
 class UnsupportedOperationError(UserError):
     def __init__(self, what: str, fix: str = "Try another number format with --real.") -> None:
-        super().__init__(what, fix)
+        super().__init__(f"{what.removesuffix('.')}.", fix)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from esea_gen.device import Device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.program_c import EmittedProgram
 from esea_gen.emit.render import Renderer
+from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError
 from esea_gen.hostlib.codec import Array
 from esea_gen.hostlib.compiler import compiler, write_texts
@@ -100,7 +101,11 @@ class Bench:
         batch: list[tuple[Mutant, str]] = []
         size = 0
         for mutant in mutants:
-            batch.append((mutant, mutant.text(self.renderer)))
+            try:
+                batch.append((mutant, mutant.text(self.renderer)))
+            except UnsupportedOperationError:  # a count that is no longer whole has no C
+                yield mutant, None
+                continue
             size += len(batch[-1][1])
             if size > BATCH_SIZE:
                 yield from self._batch(batch)
