@@ -98,15 +98,13 @@ class Bench:
 
     def loaded(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, HostLibrary | None]]:
         """Every mutant of one file, compiled and loaded while it is looked at."""
-        batch: list[tuple[Mutant, str]] = []
-        size = 0
+        batch, size = list[tuple[Mutant, str]](), 0
         for mutant in mutants:
             try:
                 batch.append((mutant, mutant.text(self.renderer)))
+                size += len(batch[-1][1])
             except UnsupportedOperationError:  # a count that is no longer whole has no C
                 yield mutant, None
-                continue
-            size += len(batch[-1][1])
             if size > BATCH_SIZE:
                 yield from self._batch(batch)
                 batch, size = [], 0
