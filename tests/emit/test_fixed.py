@@ -84,11 +84,11 @@ def test_any_bit_pattern_in_any_input_and_state(elbow, elbow_q31, data):
         def draw(fields, count):
             return {
                 f.port.name: np.array(
-                    data.draw(st.lists(word, min_size=count * f.size, max_size=count * f.size)),
+                    data.draw(st.lists(word, min_size=count * f.port.size, max_size=count * f.port.size)),
                     dtype=np.int64,
                 )
                 .astype(np.int32)
-                .reshape((count,) if f.size == 1 else (count, f.size))
+                .reshape((count,) if f.port.size == 1 else (count, f.port.size))
                 for f in fields
             }
 
@@ -245,7 +245,7 @@ def header_problems(device, library):
         for group, said in behaviour.items():
             fields = [f for f in plan.fields[group] if not f.whole]
             free = plan.fields[group] if group in ("in", "state") else ()
-            flags = [f.name for f in free if f.kind == "flag"]
+            flags = [f.name for f in free if f.port.kind == "flag"]
             wrong += [x for x in flags if not re.search(rf"\({x}(_now)? <= 1u\)", step)]
             comments = _comments(header, f"{stem}_{group}_t") if fields else {}
             for f in fields:
@@ -253,7 +253,7 @@ def header_problems(device, library):
                 unit = "" if f.port.unit == "1" else f" {f.port.unit}"
                 text = f"raw {f.low} to {f.high}, {form}, one unit is {f.lsb:.3g}{unit};"
                 # The guard compares with the very numbers of the comment.
-                guarded = group not in ("in", "state") or f.size > 1 or f"<= {f.high})" in step
+                guarded = group not in ("in", "state") or f.port.size > 1 or f"<= {f.high})" in step
                 here = comments.get(f.name, "")
                 if f.checked:
                     low, high = (x * 2.0**f.fraction for x in (f.port.low, f.port.high))
@@ -272,10 +272,10 @@ def header_problems(device, library):
 def _unguarded(plan):
     # Inputs whose last valid raw number is refused, or whose first invalid one is not.
     node = {name: i for i, (name, _) in plan.labels.items()}
-    init = {f.port.name: np.zeros((4, f.size), np.int32) for f in plan.fields["state"]}
+    init = {f.port.name: np.zeros((4, f.port.size), np.int32) for f in plan.fields["state"]}
     wrong = []
     for f in plan.fields["in"]:
-        if f.size > 1 or f"{f.port.name}_ok" not in node:
+        if f.port.size > 1 or f"{f.port.name}_ok" not in node:
             continue
         inputs = {
             g.port.name: np.full((4, g.size), g.raw(max(g.port.low, 0.0)))

@@ -468,5 +468,7 @@ def guide(device: Device) -> list[str]:
 def run_step(
     bench: CommissioningBench, step: CommissioningStep, options: StepOptions
 ) -> StepResult:
+    if lacks := step.lacks(options):
+        raise UserError(f"The step '{step.name}' needs a known mass.", f"Give {lacks}.")
     bench.begin()
     return step.run(bench, options)
