@@ -83,13 +83,13 @@ def test_any_bit_pattern_in_any_input_and_state(elbow, elbow_q31, data):
 
         def draw(fields, count):
             return {
-                f.port.name: np.array(
-                    data.draw(st.lists(word, min_size=count * f.port.size, max_size=count * f.port.size)),
+                p.name: np.array(
+                    data.draw(st.lists(word, min_size=count * p.size, max_size=count * p.size)),
                     dtype=np.int64,
                 )
                 .astype(np.int32)
-                .reshape((count,) if f.port.size == 1 else (count, f.port.size))
-                for f in fields
+                .reshape((count,) if p.size == 1 else (count, p.size))
+                for p in (f.port for f in fields)
             }
 
         state, inputs = draw(plan.fields["state"], 1), draw(plan.fields["in"], 1)
@@ -278,7 +278,7 @@ def _unguarded(plan):
         if f.port.size > 1 or f"{f.port.name}_ok" not in node:
             continue
         inputs = {
-            g.port.name: np.full((4, g.size), g.raw(max(g.port.low, 0.0)))
+            g.port.name: np.full((4, g.port.size), g.raw(max(g.port.low, 0.0)))
             for g in plan.fields["in"]
         }
         ends = [f.low, f.high, max(f.low - 1, -(2**31)), min(f.high + 1, 2**31 - 1)]

@@ -279,8 +279,7 @@ def print_kernel(
             read_on = same and (n.op != "add" or position == 0)
             operands.append(bare(atoms[a]) if read_on else write.text(i, position, atoms[a]))
         checked = checked_from_zero(kernel, n)
-        # At least 0 by its type.
-        unsigned = whole.get(checked) == UNSIGNED or checked in write.flags
+        unsigned = whole.get(checked) == UNSIGNED or checked in write.flags  # never below 0
         if unsigned:
             most = kernel.nodes[kernel.nodes[n.args[0]].args[1]].value
             text = f"{atoms[checked]} <= {_whole_text(most, choices.get(checked), UNSIGNED)}"

@@ -90,9 +90,8 @@ def commission(
         need_a_screen("--terminal")
     with _bench(address, device, key, axis) as bench:
         chosen = _chosen(step or [], bench)
-        for one in chosen:
-            if one.loads is not None and not one.lacks(options):
-                one.loads(bench.board, options)  # now, not after the steps before it
+        for one in (s for s in chosen if not s.lacks(options)):
+            one.loads(bench.board, options)  # now, not after the steps before it
         machine = f"{bench.board.name}-{bench.axis}".rstrip("-")
         unit = unit_of(bench.device)
         record = CommissioningRecord(folder or Path("commissioning") / machine, machine, unit)

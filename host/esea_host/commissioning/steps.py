@@ -64,7 +64,7 @@ class CommissioningStep:
     run: Callable[[CommissioningBench, StepOptions], StepResult] = field(repr=False)  # does it
     motor: bool = False  # whether the motor moves
     needs: tuple[tuple[str, str], ...] = ()  # fields of the options, and how each is given
-    loads: Callable[[Device, StepOptions], object] | None = None  # refuses unsuitable masses
+    loads: Callable[[Device, StepOptions], object] = lambda *_: None  # refuses unsuitable masses
 
     def lacks(self, options: StepOptions) -> str:
         """How to supply the missing requirements; empty if there are none."""
