@@ -177,9 +177,9 @@ class PtyTransport(Transport):
                 raise LinkError(f"the link broke ({_why(error)})") from None
 
     def close(self) -> None:
-        if self._handle >= 0:
-            os.close(self._handle)
-            self._handle = -1
+        handle, self._handle = self._handle, -1  # at once: two threads may close it
+        if handle >= 0:
+            os.close(handle)
 
 
 FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."

@@ -268,3 +268,10 @@ def test_a_client_that_is_not_ours_reads_and_sets_parameters(elbow, tcp_port, tm
         "vlcty.bandwidth 42.0 0 1",
         "vlcty.bandwidth 42.0 0 1",
     ]
+
+
+def test_a_terminal_is_closed_once_though_two_threads_close_it(monkeypatch):
+    line, close, closed = PtyTransport(os.ttyname(os.openpty()[1])), os.close, []
+    monkeypatch.setattr(os, "close", lambda h: (closed.append(h), line.close(), close(h)))
+    line.close()
+    assert len(closed) == 1

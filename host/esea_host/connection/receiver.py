@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -318,8 +318,9 @@ class Receiver(Transport):
         if self._reopen is None:
             self._fail(error)
             return False
-        self.transport.close()
         try:
+            with suppress(OSError):  # what is broken may not close either
+                self.transport.close()
             self.transport = self._reopen()
         except Exception as final:
             self._fail(final)

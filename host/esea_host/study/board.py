@@ -177,7 +177,6 @@ class BoardSource(InputSource):
             "content_hash": identity.content_hash,
             "limits": {k: v for k, v in self._limits.items() if k.startswith("limits")},
         }
-        boot = 0
         try:
             boot = self._wait_for_link()
             found |= {"boot": boot, "restarted": self._boot not in (0, boot)}
@@ -195,7 +194,7 @@ class BoardSource(InputSource):
             self._pass(SETTLE_S)
             self._state = state = self._state_now()
         except (LinkError, UserError) as error:
-            if boot and self.device.receiver.away:  # since then: it is waited for again
+            if "boot" in found and self.device.receiver.away:  # since then: it is waited for again
                 return self.ready()
             return found | {"problem": str(error)}
         self._broken, self._rows.began_again = "", False
