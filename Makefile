@@ -44,7 +44,7 @@ search: setup
 		--hypothesis-profile=search --hypothesis-seed=$$seed $(TESTS) || { echo "To repeat: $$again"; exit 1; }
 
 docs: setup
-	@$(BIN)/python docs/made_pages.py docs
+	@$(BIN)/python docs/made_pages.py
 	@$(BIN)/zensical build --strict --clean
 	@echo "Open $(OUT)/site/index.html"
 

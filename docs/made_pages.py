@@ -10,7 +10,6 @@ import enum
 import importlib
 import inspect
 import re
-import sys
 import textwrap
 import tomllib
 from collections.abc import Iterator
@@ -533,6 +532,6 @@ def write_pages(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_pages(Path(sys.argv[1]))
+    write_pages(Path(__file__).parent)
 
 __all__ = ["commands", "device_keys", "documented", "items", "modules", "write_pages"]
