@@ -50,7 +50,7 @@ def pytest_collection_finish() -> None:
 
 # Of the slow tests, those that CI runs each time: some minutes, every kind of them.
 SLOW_SAMPLE = (
-    "test_box_qp.py::test_a_hundred_thousand_problems[spread]",
+    "test_box_qp.py::test_forty_thousand_problems[spread]",
     "test_cluster.py::test_a_scheduler_that_goes_is_told",
     "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[set_rate]",
     "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[encoder_load]",
