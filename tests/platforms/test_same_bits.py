@@ -30,6 +30,8 @@ from tests.conftest import require_module, require_tool
 pytestmark = [pytest.mark.platforms, pytest.mark.ci]
 HERE = Path(__file__).parent
 WINE = "/usr/lib/wine/wine64"  # Debian's package of that name puts no command on the path
+# As FMUs are compiled: for other ones zig compiles all of Windows' library once more.
+FLAGS = ("-O2", "-s")
 # What compiles, and what runs it here; "" is what the system has.
 WHERE = {
     "clang": ("", ()),
@@ -72,7 +74,7 @@ def run(folder: Path, where: str, source: str, library: Path, *more: str, given:
         import fmpy
 
         headers = f"-I{Path(fmpy.__file__).parent / 'c-code'}"
-        command = [*zig(target), headers, HERE / source, "-o", program]
+        command = [*zig(target), *FLAGS, headers, HERE / source, "-o", program]
         subprocess.run([*command, *([] if where == "windows" else ["-ldl"])], check=True)
     command = [*emulator, program, library, *more]
     return subprocess.run(command, input=given, capture_output=True, check=True).stdout
@@ -110,7 +112,7 @@ def differing(folder: Path, name: str, real: str, where: str, *flags: str) -> di
     """Blocks that give other bits elsewhere, and the largest difference."""
     library, calls = tried(name, real)
     target = PLATFORMS[WHERE[where][0]].zig if WHERE[where][0] else ""
-    built = compile_sources(library.sources, flags, library.link, target)
+    built = compile_sources(library.sources, (*FLAGS, *flags), library.link, target)
     said = run(folder, where, "run_blocks.c", built, given=b"".join(x for x, _ in calls.values()))
     found = {}
     for block, (_, ours) in calls.items():
