@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.assess.board import KneeBoard, be_ready
+from esea_host.assess.board import KneeBoard, await_fall, be_ready
 from esea_host.assess.desk import ClinicDesk, assess_unattended, attempted
 from esea_host.assess.moved import MovedKnee
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import DEG, Knees
-from esea_host.assess.probing import Comfort, probing_movement
+from esea_host.assess.probing import Comfort, ProbingMovement, probing_movement
 from esea_host.assess.responses import Location
 from esea_host.assess.session import Assessment, trail_is_whole
 from esea_host.assess.simulated import patient_named
@@ -42,11 +42,11 @@ class SlippingKnee(MovedKnee):
 
 
 @pytest.fixture
-def opened(tmp_path):
+def opened(tmp_path, request):
     """A desk at a board that is not zeroed yet, and the simulated knee on it."""
     require_tool("gcc")
     device = load_device("knee_board")
-    patient = patient_named("S3", (1.7, 70))
+    patient = patient_named(getattr(request, "param", "S3"), (1.7, 70))
     knee = SlippingKnee(patient, device, 3)
     file = tmp_path / "session.json"
     with LockstepDevice(SimulatedBoard(device, seed=3, motion=knee.step)) as connected:
@@ -194,6 +194,18 @@ def test_pendulum_and_range_at_a_board(tmp_path):
     assert found["range"]["high_rad"] > 118 * DEG
 
 
+@pytest.mark.parametrize(("opened", "fastest"), [("S3", 60), ("relaxed", 180)], indirect=["opened"])
+def test_a_leg_in_hands_does_not_fall(opened, fastest):
+    desk, knee = opened
+    be_ready(desk.board, print)
+    move = ProbingMovement(Location(25 * DEG, fastest * DEG), 5 * DEG, 45 * DEG, 75 / fastest)
+    knee.follow(move)
+    with pytest.raises(UserError, match="no leg fell"):
+        await_fall(desk.board, print, 6.0)
+    knee.let_fall()
+    assert np.ptp(await_fall(desk.board, print, 20.0).angle_rad) > 40 * DEG
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -202,6 +214,7 @@ def test_pendulum_and_range_at_a_board(tmp_path):
         (["run", "--headless"], "--device"),
         (["run", "--device", "tcp:127.0.0.1:1", "--patient", "simulated:S3"], "sim:knee"),
         (["pendulum", "--device", "sim:elbow_drive"], "has a motor"),
+        (["run", "--device", "sim:elbow"], "measures up to 20 Nm"),
     ],
 )
 def test_what_does_not_go_together_is_refused(words, said):

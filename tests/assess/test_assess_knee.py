@@ -507,13 +507,18 @@ def fallen(t):
     return 65 * (1 - np.exp(-0.4 * t) * np.cos(5.8 * t))
 
 
+def led(t):
+    u = np.clip(t / 1.875 - 1, 0, 1)
+    return 60 * u**3 * (10 - 15 * u + 6 * u**2)
+
+
 @pytest.mark.parametrize(
     ("call", "t", "columns", "said"),
     [
         ("pendulum", 0.01, {"angle_rad": fallen}, "angle_rad goes to [0-9]{4} deg, further"),
         ("pendulum", 0.1, {"angle_deg": fallen}, "a sample every 0.1 s, at most 0.04 s"),
         ("pendulum", 10.0, {"angle_deg": lambda t: fallen(t / 1000)}, "time_s in seconds"),
-        ("pendulum", 0.01, {"angle_deg": lambda t: 3 * t}, "3 deg/s, the leg was lowered"),
+        ("pendulum", 0.01, {"angle_deg": led}, "60 deg/s and 1.7 rad/s2, the leg was lowered"),
         (
             "pendulum",
             0.0005,

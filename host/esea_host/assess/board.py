@@ -12,9 +12,10 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.assess.patients import DEG
+from esea_host.assess.passive_tests import FALLING_rad_s, FALLING_rad_s2, steepest_rad_s2
+from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, PULL_N, shank_length_m
 from esea_host.assess.probing import Comfort, ProbingMovement
-from esea_host.assess.responses import LegRecording
+from esea_host.assess.responses import SENSOR_ERROR_NM, LegRecording
 from esea_host.assess.segments import HOLE_STEPS, MovementEvent, MovementWatch, Segment
 from esea_host.connection import ConnectedDevice
 
@@ -23,7 +24,9 @@ COLUMNS = ("theta_load_rad", "omega_load_rad_s", "tau_Nm", "sensing_ok")
 USELESS = ("UNREFERENCED", "FAULT", "STOPPED")  # states in which nothing is measured
 SILENT_S, KNOWN_S, ZEROED_S, FRAME_S, KEPT_S = 0.5, 3.0, 8.0, 0.02, 30.0
 MOST_FRAME_S = 0.1  # of a simulated board's time, however long a window was busy
-FALL_RAD_S, FALLEN_RAD = 30 * DEG, 10 * DEG
+TRIED_rad_s, FALLEN_RAD = 30 * DEG, 10 * DEG
+HANDS_NM = 3 * SENSOR_ERROR_NM  # more than the sensor errs by: hands are on the leg
+AT_FASTEST_S = 0.05
 
 Row = tuple[float, float, float, float]  # time, angle, rate, torque
 Say = Callable[[str], None]
@@ -68,10 +71,13 @@ class KneeBoard:
         made = device.identity.device
         names = {c.name for x in device.receiver.decoder.layouts.values() for c in x.columns}
         missing = [c for c in COLUMNS if c not in names]
-        if made.laws or missing:
-            why = "has a motor" if made.laws else f"does not tell {', '.join(missing)}"
+        most_Nm, pull_Nm = made.file.limits.tau_Nm.value, PULL_N * shank_length_m(MEAN_HEIGHT_M)
+        why = "has a motor" if made.laws else f"does not tell {', '.join(missing)}"
+        weak = f"measures up to {most_Nm:g} Nm, hands at a leg pull {pull_Nm:.0f} Nm"
+        if made.laws or missing or most_Nm < pull_Nm:
             raise UserError(
-                f"{made.name} {why}: the knee is assessed on a passive board.",
+                f"{made.name} {why if made.laws or missing else weak}: the knee is assessed on a "
+                "passive board.",
                 "Connect one with the image of knee_board, or take sim:knee.",
             )
 
@@ -233,12 +239,24 @@ def await_fall(board: KneeBoard, say: Say, longest_s: float) -> Segment:
             if event.kind == "broken":
                 raise UserError(f"pendulum test: {event.text}.", "Repeat the test.")
             s = event.segment
-            if s is not None and np.max(s.rate_rad_s) >= FALL_RAD_S:
-                if s.angle_rad[-1] - s.angle_rad[0] >= FALLEN_RAD:
+            if s is not None and np.max(s.rate_rad_s) >= TRIED_rad_s:
+                if _fell(s):
                     return s
                 say("That was no fall; hold the leg straight, keep still, let go.")
     raise UserError(
         f"pendulum test: no leg fell within {longest_s:g} s.", "Hold it straight, and let go."
+    )
+
+
+def _fell(s: Segment) -> bool:
+    """Whether a leg fell by its own weight: far, as steeply as gravity, without hands."""
+    step_s = float(np.median(np.diff(s.time_s)))
+    at_fastest = np.abs(s.time_s - s.time_s[np.argmax(s.rate_rad_s)]) <= AT_FASTEST_S
+    return bool(
+        s.angle_rad[-1] - s.angle_rad[0] >= FALLEN_RAD
+        and np.max(s.rate_rad_s) >= FALLING_rad_s
+        and steepest_rad_s2(s.rate_rad_s, step_s) >= FALLING_rad_s2
+        and np.mean(np.abs(s.torque_Nm[at_fastest])) <= HANDS_NM
     )
 
 
