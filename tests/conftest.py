@@ -24,6 +24,7 @@ from esea_gen.twin.recorded import record_drive
 from tests import result_schemas
 from tests.budget import Budget
 
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")  # windows without a screen
 ROOT = Path(__file__).parents[1]
 # Before a program that a test ends by Ctrl-C: children of a background job ignore it.
 INTERRUPTIBLE = ("env", "--default-signal=INT")

@@ -14,6 +14,7 @@ from scipy import stats
 from esea_gen.errors import UserError
 from esea_host.assess.database import LocationGrid, ResponseDataBase, responses_at
 from esea_host.assess.desk import conclusion
+from esea_host.assess.evaluation import calibration_error, confusion, share_interval
 from esea_host.assess.hypotheses import (
     NONE,
     Evidence,
@@ -22,7 +23,6 @@ from esea_host.assess.hypotheses import (
     mixtures,
     summarised,
 )
-from esea_host.assess.judge import calibration_error, confusion, share_interval
 from esea_host.assess.probing import (
     Comfort,
     contextual_information,

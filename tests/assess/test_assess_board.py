@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 
 import numpy as np
 import pytest
@@ -14,20 +13,18 @@ from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
 from esea_host.assess.board import KneeBoard, await_fall, be_ready
 from esea_host.assess.desk import ClinicDesk, assess_unattended, attempted
-from esea_host.assess.moved import MovedKnee
 from esea_host.assess.passive_tests import pendulum_test
 from esea_host.assess.patients import DEG, Knees
 from esea_host.assess.probing import Comfort, ProbingMovement, probing_movement
 from esea_host.assess.responses import Location
 from esea_host.assess.session import Assessment, trail_is_whole
-from esea_host.assess.simulated import patient_named
+from esea_host.assess.simulated import MovedKnee, patient_named
 from esea_host.cli.app import app
 from esea_host.recording.log import open_log
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 from tests.assess.test_assess import made_up
 from tests.conftest import require_tool
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 COMFORT = Comfort(0, 120 * DEG)
 
 

@@ -22,9 +22,8 @@ from esea_host.assess import build as build_module
 from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
-from esea_host.assess.evaluation import meet
+from esea_host.assess.evaluation import judge, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
-from esea_host.assess.judge import judge
 from esea_host.assess.passive_tests import motion_range, pendulum_test
 from esea_host.assess.patients import (
     CATEGORIES,

@@ -17,8 +17,6 @@ from esea_host.assess.simulated import patient_named
 from tests.assess.test_assess import made_up
 from tests.conftest import require_tool
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 
 @pytest.fixture(scope="module")
 def data():

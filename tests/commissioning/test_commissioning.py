@@ -33,7 +33,6 @@ from esea_host.commissioning import (
     unit_of,
 )
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 UNIT = BoardUnit("", 1)
 BY_NAME = {s.name: s for s in STEPS}
 # Within 1 s the rubber is not at rest: two counts of the load side change while it is judged.

@@ -14,14 +14,13 @@ from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import main
 from esea_host.interaction.analysis import analyse_interaction
-from esea_host.interaction.comments import read_comments
 from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
 from esea_host.interaction.loading import LoadingProtocol, analyse_loading
 from esea_host.interaction.published import TABLE_6_2, TABLE_6_3, could_have_seen, reread
 from esea_host.interaction.recordings import read_manifest
 from esea_host.interaction.rig import ELEMENTS, PUBLISHED_NM_DEG, element_device, simulated_loading
-from esea_host.interaction.survey import read_survey
+from esea_host.interaction.survey import read_comments, read_survey
 from esea_host.interaction.words import lines
 from tests.browser import browser, readable
 

@@ -16,8 +16,6 @@ from esea_host.windows.feed import LiveFeed
 from tests.conftest import until
 from tests.link.test_host_link import Proxy, served
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 
 @pytest.fixture
 def cut(simulated_elbow):

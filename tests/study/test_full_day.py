@@ -6,7 +6,6 @@ session, audit, report, export, analyse.  Every session is simulated; nothing de
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from concurrent.futures import wait
@@ -27,7 +26,6 @@ from tests.assess.test_assess_tasks import PROTOCOL
 from tests.conducted import Stepped, headless
 from tests.conftest import ROOT, require_tool
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 pytestmark = pytest.mark.ci
 HOST = ROOT / "host" / "esea_host"
 KNEE = PROTOCOL.replace("seed = 3", 'seed = 3\nlanguage = "de"').replace(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import socket
 import threading
 from collections.abc import Iterator
@@ -32,7 +31,6 @@ from esea_host.study.session import COMPLETED, FAILED, StudySession
 from esea_host.study.task import task_named
 from tests.conducted import at_step, calibration, of_tasks, opening, study_of
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 TRACKING = (
     'task = "interaction.tracking"\ntrials = [{ repeat = 2, parameters = { seconds = 1.0 } }]'
 )

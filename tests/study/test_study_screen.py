@@ -22,8 +22,6 @@ from esea_host.wrist.virtual import VirtualPerson, wrist_protocol
 from tests.conducted import TRACKING, beginning, ended, of_tasks, opening
 from tests.conftest import require_tool
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 
 @pytest.fixture
 def begin(tmp_path):

@@ -38,8 +38,6 @@ from tests.conducted import (
     until,
 )
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 
 @pytest.fixture
 def begin(tmp_path):

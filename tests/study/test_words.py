@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from pathlib import Path
 from string import Formatter
@@ -20,7 +19,6 @@ from esea_host.study.words import ENGLISH, KeyedText, keyed, languages, words_of
 from tests.conducted import EXAMPLE, TRACKING, beginning, of_tasks, opening, until
 from tests.conftest import ROOT
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 HOST = ROOT / "host" / "esea_host"
 EN = words_of(ENGLISH).texts
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 
 import pytest
@@ -28,7 +27,6 @@ from esea_host.windows.meanings import refusals
 from tests.assess.test_assess import made_up
 from tests.conducted import TRACKING, of_tasks, study_of
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 # 1440 x 900 at twice the size leaves 720 x 450, less the title of a window.
 SIZES_PX = ((1280, 720), (1366, 768), (1920, 1080), (1440, 900), (720, 425), (620, 310))
 LONG = "A refusal of the board that is as long as such a text can be, and then longer. " * 3

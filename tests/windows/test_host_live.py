@@ -28,8 +28,6 @@ from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state
 from esea_host.windows.operator import DemoOperator
 from tests.conftest import require_tool
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-
 
 @pytest.fixture
 def lockstep(simulated_elbow):

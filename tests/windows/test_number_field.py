@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from esea_gen.errors import UserError
 from esea_gen.typed import read_number, shown_number
-
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 
 @pytest.fixture(params=["C", "de_DE", "fr_FR"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass, replace
 
@@ -17,13 +16,15 @@ from esea_gen.errors import UserError
 from esea_host.connection import Batch
 from esea_host.connection.decoder import TelemetryDecoder
 from esea_host.connection.identity import column_texts
-from esea_host.wrist.calibration import cursor_maps
-from esea_host.wrist.display import WristDisplay
-from esea_host.wrist.guide import CalibrationGuide
-from esea_host.wrist.stored import calibration_of, load_calibration, save_calibration
+from esea_host.wrist.calibration import (
+    calibration_of,
+    cursor_maps,
+    load_calibration,
+    save_calibration,
+)
+from esea_host.wrist.display import CalibrationGuide, WristDisplay
 from esea_host.wrist.tasks import Follower
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 DEVICE_AXES = {"fe_deg": "flexion", "ru_deg": "deviation"}
 
 

@@ -10,19 +10,9 @@ from scipy.integrate import quad
 
 from esea_gen.errors import UserError
 from esea_host.wrist.calibration import crossings, node_speeds, quality
-from esea_host.wrist.normalisation import (
-    NodeSpeeds,
-    fit_rbf,
-    node_places,
-    normalise,
-)
+from esea_host.wrist.normalisation import NodeSpeeds, fit_rbf, node_places, normalise
 
-FORMS = [
-    {},
-    {"slope": True},
-    {"base": False},
-    {"base": False, "slope": True},
-]
+FORMS = [{}, {"slope": True}, {"base": False}, {"base": False, "slope": True}]
 
 
 def speeds(low, high, values=None, scale=1.0):

@@ -16,10 +16,9 @@ from typer.testing import CliRunner
 
 from esea_host.cli import app
 from esea_host.recording.log import open_log
-from esea_host.wrist.stored import load_calibration
+from esea_host.wrist.calibration import load_calibration
 from tests.conftest import ROOT, require_tool, until
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 PAGE = (ROOT / "docs" / "wrist-display.md").read_text(encoding="utf-8")
 WAIT_S, TRIES = 300, 5  # on a busy machine a command comes too late
 

@@ -83,7 +83,6 @@ class KneeBoard:
 
     @property
     def simulated(self) -> bool:
-        """Whether the leg or the board is simulated."""
         return self.therapist is not None or self.device.simulated
 
     @property
@@ -93,7 +92,6 @@ class KneeBoard:
     # -- before the first movement -----------------------------------------------------------------
 
     def state(self) -> str:
-        """State of the board in its last heartbeat."""
         return self.device.state()
 
     def zero(self) -> None:

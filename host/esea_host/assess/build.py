@@ -89,7 +89,6 @@ def _code() -> str:
 
 
 def build(per_category: int = PER_CATEGORY, say: Say | None = None) -> ResponseDataBase:
-    """The knee's data base, of simulated patients alone."""
     tell = say or _nothing
     provenance = {
         "notice": NOTICE,

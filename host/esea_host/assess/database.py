@@ -107,7 +107,6 @@ class CellResponses:
 
 
 def responses_at(p: Passage, grid: LocationGrid) -> CellResponses:
-    """Responses of one person at the grid's locations."""
     every = max(1, round(0.02 / float(p.time_s[1] - p.time_s[0])))
     strained = p.strained[::every]
     columns = p.angle_rad, p.rate_rad_s, p.response_Nm, p.time_s
@@ -136,7 +135,6 @@ Answers = tuple[str, Array, Array, Array | None]
 
 
 def answered(people: Iterable[tuple[str, Passage]], grid: LocationGrid) -> Iterator[Answers]:
-    """Responses of people of known categories at the grid's locations."""
     known = set()
     for name, p in people:
         found = responses_at(p, grid)
@@ -205,7 +203,6 @@ class ResponseDataBase:
 
     @property
     def diagnoses(self) -> tuple[str, ...]:
-        """Categories that are possible diagnoses."""
         return tuple(c for c in self.categories if c != self.reference)
 
     def rows(self, category: str) -> Array:

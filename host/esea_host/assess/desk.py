@@ -72,7 +72,6 @@ def long_name(name: str) -> str:
 
 
 def unit_of(measure: str) -> str:
-    """Unit of a measure of information."""
     return "nats" if measure == "expected" else "Nm"
 
 
@@ -82,7 +81,6 @@ def strength(p: float) -> str:
 
 
 def conclusion(session: Assessment) -> list[str]:
-    """Present conclusion and its certainty."""
     ranked = sorted(session.by_name().items(), key=lambda x: -x[1])
     (first, p), (second, q) = ranked[0], ranked[1]
     made = len(session.evidence)
@@ -220,7 +218,6 @@ class ClinicDesk:
     # -- from a board ------------------------------------------------------------------------------
 
     def ask_therapist(self) -> str:
-        """Have a simulated therapist make the movement proposed."""
         assert self.board is not None
         self.board.show(self.proposed)
         return "Simulated: the therapist takes the leg to the start, and makes the movement."
@@ -288,7 +285,6 @@ class ClinicDesk:
         return f"{name}: no location of the map was passed"
 
     def skip(self, why: str) -> None:
-        """A movement without a result."""
         self.session.skip(why)
         self._keep()
 
@@ -303,7 +299,6 @@ class ClinicDesk:
         return done
 
     def override(self, probabilities: Mapping[str, float], why: str) -> None:
-        """The clinician's own probabilities."""
         self.session.override(probabilities, why)
         self._keep()
 
@@ -318,7 +313,6 @@ class ClinicDesk:
 
 
 def describe(m: ProbingMovement) -> str:
-    """A movement as an instruction."""
     way = "Bend" if m.end_rad > m.start_rad else "Straighten"
     return (
         f"{way} the knee from {m.start_rad / DEG:.0f}° to {m.end_rad / DEG:.0f}° in "

@@ -55,24 +55,18 @@ class Hypotheses:
         noise = np.full_like(self.mean, fit["noise_Nm"])
         return dataclasses.replace(self, covariance=covariance, noise_Nm=noise)
 
+    def named(self, names: Sequence[str], *arrays: Array) -> Hypotheses:
+        """Other hypotheses over the same grid; arrays: mean, covariance, noise."""
+        return Hypotheses(tuple(names), self.grid, self.known, *arrays)
+
     def only(self, names: Sequence[str]) -> Hypotheses:
         at = [self.names.index(n) for n in names]
-        return dataclasses.replace(
-            self,
-            names=tuple(names),
-            mean=self.mean[at],
-            covariance=self.covariance[at],
-            noise_Nm=self.noise_Nm[at],
-        )
+        return self.named(names, self.mean[at], self.covariance[at], self.noise_Nm[at])
 
     def joined(self, other: Hypotheses) -> Hypotheses:
-        return dataclasses.replace(
-            self,
-            names=self.names + other.names,
-            mean=np.concatenate([self.mean, other.mean]),
-            covariance=np.concatenate([self.covariance, other.covariance]),
-            noise_Nm=np.concatenate([self.noise_Nm, other.noise_Nm]),
-        )
+        each = [(h.mean, h.covariance, h.noise_Nm) for h in (self, other)]
+        both = map(np.concatenate, zip(*each, strict=True))
+        return self.named(self.names + other.names, *both)
 
     def readings(self, weights: Array, error: Array) -> tuple[Array, Array]:
         """Mean (hypotheses, k) and covariance (hypotheses, k, k) of readings to come."""
@@ -125,10 +119,8 @@ def none_of_these(of: Hypotheses) -> Hypotheses:
     wide = NONE_SCALE * np.sqrt(float(np.mean(everybody[of.known])))
     off = (of.grid.centres[:, None] - of.grid.centres[None]) / SMOOTH
     # Noisier than any: what is absurd under all is least absurd under this one.
-    return Hypotheses(
+    return of.named(
         (NONE,),
-        of.grid,
-        of.known,
         of.mean.mean(axis=0)[None],
         (wide**2 * np.exp(-0.5 * np.sum(off**2, axis=2)))[None],
         np.hypot(NONE_NOISE_NM, 1.5 * of.noise_Nm.max(axis=0, keepdims=True)),
@@ -163,14 +155,8 @@ def between_severities(
     def mixed(x: Array) -> Array:
         return np.array([(1 - w) * x[a] + w * x[b] for a, b, w in rows])
 
-    found = dataclasses.replace(
-        of,
-        names=tuple(f"{n}{s:g}" for n, s in labels),
-        mean=mixed(of.mean),
-        covariance=mixed(of.covariance),
-        noise_Nm=mixed(of.noise_Nm),
-    )
-    return found, labels
+    names = [f"{n}{s:g}" for n, s in labels]
+    return of.named(names, *map(mixed, (of.mean, of.covariance, of.noise_Nm))), labels
 
 
 def mixtures(of: Hypotheses, reference: str) -> Hypotheses:
@@ -187,13 +173,7 @@ def mixtures(of: Hypotheses, reference: str) -> Hypotheses:
             means.append(of.mean[i] + of.mean[j] - of.mean[base])
             covariances.append(of.covariance[i] + of.covariance[j])
             noises.append(np.maximum(of.noise_Nm[i], of.noise_Nm[j]))
-    return dataclasses.replace(
-        of,
-        names=tuple(names),
-        mean=np.array(means),
-        covariance=np.array(covariances),
-        noise_Nm=np.array(noises),
-    )
+    return of.named(names, np.array(means), np.array(covariances), np.array(noises))
 
 
 class Evidence:

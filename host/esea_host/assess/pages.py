@@ -33,10 +33,7 @@ MEANING = (
 
 
 def session_page(
-    session: Assessment,
-    who: str = "",
-    comfort: Comfort | None = None,
-    measure: str = MEASURES[0],
+    session: Assessment, who: str = "", comfort: Comfort | None = None, measure: str = MEASURES[0]
 ) -> Figure:
     """One page for the file; measure: by which movements were chosen."""
     limits = comfort or Comfort()

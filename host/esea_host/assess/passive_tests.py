@@ -123,15 +123,7 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
         first, swings = float(smooth[extremes[0]] - start), (len(extremes) + 1) // 2
     damping, frequency = _decay(even[extremes], smooth[extremes] - rest)
     return PendulumResult(
-        start,
-        rest,
-        first,
-        first / drop,
-        damping,
-        frequency,
-        swings,
-        fastest,
-        bool(reached),
+        start, rest, first, first / drop, damping, frequency, swings, fastest, bool(reached)
     )
 
 
@@ -162,8 +154,6 @@ SLOW_rad_s = 30 * DEG  # above it a reflex may answer: the test is no passive on
 
 @dataclass(frozen=True)
 class MotionRange:
-    """Figures of one test."""
-
     low_rad: float
     high_rad: float
     fastest_rad_s: float

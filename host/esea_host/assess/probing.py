@@ -57,8 +57,6 @@ def expected_information(mean_Nm: Array, covariance_Nm2: Array, probabilities: A
 
 @dataclass(frozen=True)
 class Comfort:
-    """Limits of a comfortable movement: reach, speed, way of moving."""
-
     low_rad: float = 0.0
     high_rad: float = RANGE_RAD
     rate_rad_s: float = 120 * DEG
@@ -147,7 +145,6 @@ def planned(grid: LocationGrid, known: bytes, comfort: Comfort) -> tuple[Planned
 
 
 def plans(hypotheses: Hypotheses, comfort: Comfort | None = None) -> tuple[PlannedMovement, ...]:
-    """The movements that may be asked for."""
     found = planned(hypotheses.grid, hypotheses.known.tobytes(), comfort or Comfort())
     if not found:
         raise UserError(

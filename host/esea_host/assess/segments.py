@@ -183,8 +183,6 @@ class MovementWatch:
 
 @dataclass(frozen=True)
 class MovementVerdict:
-    """Comparison of a movement with the requested one."""
-
     passage: Passage | None
     tried: bool  # an attempt at all, and not the way to its start
     passed: bool

@@ -314,10 +314,7 @@ class Assessment:
 
 
 def take(
-    session: Assessment,
-    passed: Passage,
-    wanted: Location,
-    source: Mapping[str, Any] | None = None,
+    session: Assessment, passed: Passage, wanted: Location, source: Mapping[str, Any] | None = None
 ) -> bool:
     """Take in a movement that was to pass a location; False where it missed it."""
     found = along(passed, wanted)

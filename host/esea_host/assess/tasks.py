@@ -89,8 +89,6 @@ class KneeParameters(TaskParameters):
 
 @dataclass(frozen=True)
 class KneeState:
-    """All that a step of these tasks remembers."""
-
     parameters: Any
     past: tuple[Row, ...] = ()
     movement: ProbingMovement | None = None

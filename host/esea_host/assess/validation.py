@@ -40,7 +40,6 @@ MIDDLE = {s: nominal(f"S{s}") for s in SEVERITIES}
 
 
 def pendulum_table() -> list[dict[str, Any]]:
-    """Pendulum tests of the middle patients."""
     names = (RELAXED, *CATEGORIES)
     knees = Knees([nominal(n) for n in names])
     m = knees.release(0.0, 14.0, [[0, i] for i in range(len(names))])

@@ -116,7 +116,7 @@ def evaluate(
 ) -> None:
     """Evaluate the assessment on new simulated patients."""
     from esea_host.assess.evaluation import evaluate as meet_all
-    from esea_host.assess.judge import judge, table
+    from esea_host.assess.evaluation import judge, table
     from esea_host.assess.pages import evaluation_page
 
     data = _data(database)
@@ -262,7 +262,7 @@ def _board(
     name = _here(address)
     made = None if name is None else board_device(loaded_device(name))
     if patient and made and not made.laws and len(made.axes) == 1:  # a leg fits no other
-        from esea_host.assess.moved import MovedKnee
+        from esea_host.assess.simulated import MovedKnee
         from esea_host.simulated import LockstepDevice, SimulatedBoard
 
         knee = MovedKnee(patient, made, seed)

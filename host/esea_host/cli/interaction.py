@@ -146,7 +146,7 @@ def survey_page(
 @analyse.command()
 def comments(file: FileArgument, json_file: JsonOption = None) -> None:
     """Open comments by theme and tone, and the agreement of two coders."""
-    from esea_host.interaction.comments import read_comments
+    from esea_host.interaction.survey import read_comments
 
     found = read_comments(file)
     say(found.lines())

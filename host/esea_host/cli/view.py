@@ -197,7 +197,7 @@ def wrist(
     need_a_screen("esea-host wrist --headless --screenshot FILE")
     from esea_host.windows.wrist import SAVED
     from esea_host.windows.wrist_running import film_wrist, run_wrist
-    from esea_host.wrist.stored import load_calibration
+    from esea_host.wrist.calibration import load_calibration
 
     there = calibration is not None and calibration.exists()
     used = load_calibration(calibration) if there and calibration is not None else None

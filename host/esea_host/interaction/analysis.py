@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-from esea_host.interaction.comments import Comments, read_comments
 from esea_host.interaction.design import ELEMENTS, FIRST
 from esea_host.interaction.metrics import FAMILY, Chains, Metric, settings_grid
 from esea_host.interaction.published import (
@@ -24,7 +24,7 @@ from esea_host.interaction.published import (
     reread,
 )
 from esea_host.interaction.recordings import Recordings, TaskRecordings, read_recordings
-from esea_host.interaction.survey import Survey, read_survey
+from esea_host.interaction.survey import Comments, Survey, read_comments, read_survey
 from esea_host.smoothness import NoAnswerError, SmoothnessResult
 from esea_host.statistics import (
     BayesPaired,
@@ -113,7 +113,7 @@ class InteractionAnalysis(StatisticResult):
                 "table_6_3": reread(TABLE_6_3),
                 "ten_people_could_have_seen_dz": could_have_seen(),
                 "cannot_be_recomputed": list(CANNOT),
-            },
+            }
         }
 
 
@@ -172,10 +172,9 @@ def _compare(
 ) -> ElementComparison:
     made = chains.result(metric, stop_Hz)
     values = chains.values(metric, stop_Hz)
-    spring, elastomer = values.T
-    springs_first = np.array([FIRST[g] == ELEMENTS[0] for g in task.groups])
-    one = np.where(springs_first, spring, elastomer)
-    two = np.where(springs_first, elastomer, spring)
+    as_published = chains.values(replace(metric, convention="thesis"), stop_Hz)
+    sides = _sides(values, task.groups)
+    spring, elastomer, one, two = sides.values()
     effect = standardised_difference(spring, elastomer)
     notes = []
     parts: list[Any] = []
@@ -205,8 +204,8 @@ def _compare(
         metric.name,
         made,
         values,
-        _medians(spring, elastomer, one, two),
-        _thesis_medians(chains, metric, stop_Hz, springs_first),
+        _medians(sides),
+        _medians(_sides(as_published, task.groups)),
         signed_rank(spring, elastomer),
         signed_rank(one, two),
         effect,
@@ -220,17 +219,17 @@ def _compare(
     )
 
 
-def _medians(spring: Array, elastomer: Array, one: Array, two: Array) -> dict[str, float]:
-    named = {"spring": spring, "elastomer": elastomer, "block_1": one, "block_2": two}
-    return {k: float(np.median(v)) for k, v in named.items()}
-
-
-def _thesis_medians(
-    chains: Chains, metric: Metric, stop_Hz: float, springs_first: npt.NDArray[np.bool_]
-) -> dict[str, float]:
-    spring, elastomer = chains.values(replace(metric, convention="thesis"), stop_Hz).T
+def _sides(values: Array, groups: Sequence[str]) -> dict[str, Array]:
+    # By element and by block.
+    spring, elastomer = values.T
+    springs_first = np.array([FIRST[g] == ELEMENTS[0] for g in groups])
     one = np.where(springs_first, spring, elastomer)
-    return _medians(spring, elastomer, one, np.where(springs_first, elastomer, spring))
+    two = np.where(springs_first, elastomer, spring)
+    return {"spring": spring, "elastomer": elastomer, "block_1": one, "block_2": two}
+
+
+def _medians(sides: Mapping[str, Array]) -> dict[str, float]:
+    return {k: float(np.median(v)) for k, v in sides.items()}
 
 
 def _sensitivity(chains: Chains, metric: Metric) -> Sensitivity:

@@ -100,8 +100,6 @@ def _static_Nm(device: Device, theta_rad: Array) -> Array:
 
 @dataclass(frozen=True)
 class ElementFinding:
-    """Measured values, with the protocol's values."""
-
     element: str
     load_Nm: float
     deflections_rad: tuple[float, ...]

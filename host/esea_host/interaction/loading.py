@@ -96,12 +96,7 @@ class LoadingCurve:
     def lines(self) -> list[str]:
         k, low, high, between = (
             np.pi / 180 * v
-            for v in (
-                self.stiffness_Nm_rad,
-                self.low_Nm_rad,
-                self.high_Nm_rad,
-                self.between_Nm_rad,
-            )
+            for v in (self.stiffness_Nm_rad, self.low_Nm_rad, self.high_Nm_rad, self.between_Nm_rad)
         )
         cycles = f"{len(self.areas_J)} cycle{'s' if len(self.areas_J) > 1 else ''}"
         spread = (

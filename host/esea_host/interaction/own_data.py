@@ -140,7 +140,6 @@ def measure_file(
     resample_Hz: float | None = None,
     time_unit: str | None = None,
 ) -> OwnSmoothness:
-    """Metrics of a column of a table."""
     table = read_table(path)
     over = _time(table, time, time_unit)
     moved = _position(table, column, over)

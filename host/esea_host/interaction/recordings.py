@@ -94,8 +94,6 @@ class TaskRecordings:
 
 @dataclass(frozen=True)
 class Recordings:
-    """A folder, read."""
-
     folder: Path
     manifest: Manifest
     tasks: tuple[TaskRecordings, ...]

@@ -165,8 +165,6 @@ LOST_S = 3.0
 
 
 class RigPlayer(MovingHand):
-    """A person on the rig, for one trial."""
-
     def __init__(
         self,
         who: VirtualParticipant,

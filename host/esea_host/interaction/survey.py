@@ -1,12 +1,17 @@
-"""The exit survey: first device against second, converted to spring against elastomer.
+"""What people say: the exit survey, and open comments coded by two who work separately.
 
-Columns of the CSV: participant, group, comfort, naturalness, control, effort; an answer is a number
-from -2 to 2, or its words ("much less" ... "much more") in a language that has texts.
+Columns of the survey: participant, group, comfort, naturalness, control, effort; an answer is a
+number from -2 to 2 (first device against second, converted to spring against elastomer), or its
+words ("much less" ... "much more") in a language that has texts.
+
+Columns of the comments: comment, element, coder, theme, tone.  A comment may have several themes:
+one row each.  Themes and tones are words; tones: positive, negative, neutral.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +21,17 @@ from matplotlib.figure import Figure
 from esea_gen.errors import UserError
 from esea_gen.pages import environment
 from esea_gen.plotting import INK, STYLE
-from esea_host.interaction.design import FIRST, SPRING, checked_group, read_rows
-from esea_host.interaction.published import TABLE_6_4
-from esea_host.statistics import SignedRank, holm, signed_rank
+from esea_gen.tables import FileTable, read_table
+from esea_host.interaction.design import ELEMENTS, FIRST, SPRING
+from esea_host.interaction.published import TABLE_6_4, TABLE_6_5
+from esea_host.statistics import (
+    Agreement,
+    NoStatisticError,
+    SignedRank,
+    cohens_kappa,
+    holm,
+    signed_rank,
+)
 from esea_host.statistics.checks import StatisticResult
 from esea_host.study.words import Words, languages, words_of
 
@@ -28,6 +41,18 @@ KEYS = ("much_less", "less", "no_different", "more", "much_more")
 _SYNONYMS = {"no difference": 0, "same": 0, "equal": 0}
 # Two hues that people with any common colour blindness tell apart; grey for no difference.
 COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
+
+
+def read_rows(
+    path: Path, needed: Sequence[str]
+) -> tuple[FileTable, list[tuple[str, dict[str, str]]]]:
+    """A table of texts that has these columns, and each row with its place for messages."""
+    table = read_table(path, needed, name=path.name)
+    if not len(table):
+        raise UserError(f"{path.name}: no rows.", "Give one row an entry.")
+    columns = zip(*(table.texts(n) for n in needed), strict=True)
+    rows = [dict(zip(needed, cells, strict=True)) for cells in columns]
+    return table, [(table.at(k), row) for k, row in enumerate(rows)]
 
 
 @dataclass(frozen=True)
@@ -110,25 +135,24 @@ def survey_form(words: Words) -> str:
     return template.render(language=words.language, words=words, levels=KEYS, questions=QUESTIONS)
 
 
-def spring_against_elastomer(level: int, group: str) -> int:
-    """First against second device, as spring against elastomer: group B's sign flips."""
-    return level if FIRST[group] == SPRING else -level
-
-
 def read_survey(path: Path) -> Survey:
     people: dict[str, str] = {}
     answers: dict[str, list[int]] = {q: [] for q in QUESTIONS}
     table, rows = read_rows(path, ("participant", "group", *QUESTIONS))
     for where, row in rows:
-        who, group = row["participant"], checked_group(row["group"], where)
+        who, group = row["participant"], row["group"]
+        if group not in FIRST:
+            fix = "A has the spring first, B the elastomer."
+            raise UserError(f"{where}: group {group!r}.", fix)
         if who in people or not who:
             raise UserError(
                 f"{where}: participant {who!r} again, or without a code.", "One row each."
             )
         people[who] = group
         for q in QUESTIONS:
-            level = answer(row[q], f"{where}, {q}")
-            answers[q].append(spring_against_elastomer(level, group))
+            # First against second device; for group B that is elastomer against spring.
+            sign = 1 if FIRST[group] == SPRING else -1
+            answers[q].append(sign * answer(row[q], f"{where}, {q}"))
     return survey_of(people, answers, table.report())
 
 
@@ -184,3 +208,151 @@ def diverging_bars(survey: Survey) -> Figure:
         ]
         figure.legend(handles=handles, loc="outside upper center", ncols=5)
     return figure
+
+
+TONES = ("positive", "negative", "neutral")
+
+
+@dataclass(frozen=True)
+class Comments(StatisticResult):
+    """Counts by element, theme and tone, and how far the two coders agree.
+
+    theme_agreement: Cohen's kappa of each theme, given or not, over all comments; tone_agreement:
+    over comments and themes that both gave.  None where chance explains all agreement.
+    disagreed: comments that the coders have to talk about.
+    read: how the file was read, and what was left out.
+    """
+
+    coders: tuple[str, str]
+    comments: int
+    counts: dict[str, dict[str, dict[str, dict[str, int]]]]
+    theme_agreement: dict[str, Agreement | None]
+    tone_agreement: Agreement | None
+    disagreed: tuple[str, ...]
+    read: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        return super().to_dict() | {"published": published_counts()}
+
+    def lines(self) -> list[str]:
+        out = [self.read] if self.read else []
+        out += [f"{self.comments} comments, coded by {' and '.join(self.coders)}"]
+        for theme, found in self.theme_agreement.items():
+            out.append(f"  {theme:18s} kappa {_said(found)}")
+        out.append(f"  {'tone':18s} kappa {_said(self.tone_agreement)}")
+        out.append(
+            "positive/negative/neutral by theme, spring and elastomer; published, table 6.5:"
+        )
+        for coder, counts in self.counts.items():
+            out.append(f"  {coder}")
+            out += _counted(counts)
+        out += ["  published", *_counted(published_counts())]
+        if self.disagreed:
+            out.append(f"  to talk about: {', '.join(self.disagreed)}")
+        return out
+
+
+def published_counts() -> dict[str, dict[str, dict[str, int]]]:
+    """Table 6.5 as this module counts: by element, theme and tone."""
+    return {
+        element: {t: dict(zip(TONES, row[k], strict=True)) for t, row in TABLE_6_5.items()}
+        for k, element in enumerate(ELEMENTS)
+    }
+
+
+def _counted(counts: dict[str, dict[str, dict[str, int]]]) -> list[str]:
+    themes = counts[ELEMENTS[0]]
+    return [
+        f"    {theme:18s} "
+        + "   ".join("/".join(str(n) for n in counts[e][theme].values()) for e in ELEMENTS)
+        for theme in themes
+    ]
+
+
+def _said(found: Agreement | None) -> str:
+    if found is None:
+        return "none: both give one code only"
+    return f"{found.kappa:.2f} ({found.low:.2f} to {found.high:.2f}), {found.n} items"
+
+
+def read_comments(path: Path) -> Comments:
+    codes: dict[str, dict[tuple[str, str], str]] = {}
+    elements: dict[str, str] = {}
+    table, rows = read_rows(path, ("comment", "element", "coder", "theme", "tone"))
+    for where, row in rows:
+        comment, element, theme, tone = (row[k] for k in ("comment", "element", "theme", "tone"))
+        if not (comment and row["coder"]):
+            raise UserError(f"{where}: comment or coder without a name.", "Name both.")
+        if element not in ELEMENTS or tone not in TONES or not theme:
+            raise UserError(
+                f"{where}: element {element!r}, theme {theme!r}, tone {tone!r}.",
+                f"Elements: {', '.join(ELEMENTS)}.  Tones: {', '.join(TONES)}.",
+            )
+        if elements.setdefault(comment, element) != element:
+            raise UserError(
+                f"{where}: comment {comment} is about two elements.", "Split it in two."
+            )
+        given = codes.setdefault(row["coder"], {})
+        if (comment, theme) in given:
+            raise UserError(f"{where}: {comment} has the theme {theme} twice.", "Once a coder.")
+        given[comment, theme] = tone
+    if len(codes) != 2:
+        raise UserError(f"{path.name}: {len(codes)} coders.", "Two, who code the same comments.")
+    one, other = codes.values()
+    missing = {c for c, _ in one} ^ {c for c, _ in other}
+    if missing:
+        raise UserError(
+            f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
+            "Both code all of them.",
+        )
+    return replace(_compared((*codes,), one, other, elements), read=table.report())
+
+
+def _compared(
+    coders: tuple[str, ...],
+    one: dict[tuple[str, str], str],
+    other: dict[tuple[str, str], str],
+    elements: dict[str, str],
+) -> Comments:
+    themes = sorted({theme for _, theme in (*one, *other)})
+    both = sorted(one.keys() & other.keys())
+    counts = {
+        coder: {
+            element: {
+                theme: {
+                    tone: sum(
+                        elements[c] == element and (t, v) == (theme, tone)
+                        for (c, t), v in given.items()
+                    )
+                    for tone in TONES
+                }
+                for theme in themes
+            }
+            for element in ELEMENTS
+        }
+        for coder, given in zip(coders, (one, other), strict=True)
+    }
+    differing = {c for c, _ in one.keys() ^ other.keys()} | {
+        c for c, t in both if one[c, t] != other[c, t]
+    }
+    return Comments(
+        (coders[0], coders[1]),
+        len(elements),
+        counts,
+        {
+            theme: _kappa(
+                [str((c, theme) in one) for c in elements],
+                [str((c, theme) in other) for c in elements],
+            )
+            for theme in themes
+        },
+        _kappa([one[k] for k in both], [other[k] for k in both]),
+        tuple(sorted(differing)),
+    )
+
+
+def _kappa(one: list[str], other: list[str]) -> Agreement | None:
+    try:
+        return cohens_kappa(one, other)
+    except NoStatisticError:
+        return None

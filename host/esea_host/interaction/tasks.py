@@ -46,9 +46,7 @@ class WithElement(TaskParameters):
         "spring", description="the element in the rig: spring, elastomer or equal"
     )
     stiffness_Nm_deg: float = Field(
-        0.0,
-        ge=0,
-        description="of a spring; 0: beside the elastomer of the device as published",
+        0.0, ge=0, description="of a spring; 0: beside the elastomer of the device as published"
     )
     seconds: float = Field(75.0, ge=1, le=600, description="how long, pauses left out")
 
@@ -197,8 +195,7 @@ def paddle_step(paddle: Paddle, force_Nm: float, step_s: float) -> Paddle:
     gone = -math.expm1(-rate_1_s * step_s)  # 1 - exp(-c h / J), exact for short steps too
     apart = paddle.speed_1_s - final_1_s
     return Paddle(
-        paddle.x + final_1_s * step_s + apart * gone / rate_1_s,
-        final_1_s + apart * (1.0 - gone),
+        paddle.x + final_1_s * step_s + apart * gone / rate_1_s, final_1_s + apart * (1.0 - gone)
     )
 
 
@@ -235,7 +232,6 @@ class PongState:
 
     @property
     def paddle_y(self) -> float:
-        """Where the paddle is on the screen."""
         return self.paddle.x / self.parameters.half_screen
 
     @property

@@ -46,7 +46,6 @@ class RigSource(InputSource):
         self._player: RigPlayer | None = None
 
     def ready(self) -> Mapping[str, Any]:
-        """Simulated inputs are always ready."""
         return {"simulated": True}
 
     def gauges(self) -> tuple[Gauge, ...]:
@@ -73,7 +72,6 @@ class RigSource(InputSource):
         return self._player
 
     def rest(self, seconds: float) -> None:
-        """The hand relaxes."""
         self._past_s, self._player = self.now_s() + seconds, None
 
     def now_s(self) -> float:

@@ -439,7 +439,6 @@ class BoardSource(InputSource):
         return self._broken
 
     def tick_s(self) -> float | None:
-        """When the newest sample was taken, by the host's monotonic clock."""
         return self._rows.taken_s
 
     def gauges(self) -> tuple[Gauge, ...]:

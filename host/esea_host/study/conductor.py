@@ -121,11 +121,7 @@ class Conductor(SessionWatcher):
     """speed: simulated time over the clock's; hold: wait after a poor calibration."""
 
     def __init__(
-        self,
-        study: StudyFolder,
-        session: StudySession,
-        speed: float = 1.0,
-        hold: bool = False,
+        self, study: StudyFolder, session: StudySession, speed: float = 1.0, hold: bool = False
     ) -> None:
         super().__init__()
         self.study, self.source, self.speed, self.hold = study, session.source, speed, hold

@@ -196,7 +196,6 @@ def known_words(study: StudyFolder) -> set[str]:
 
 
 def people_of(study: StudyFolder) -> set[str]:
-    """Persons that the record names."""
     trail = study.trail(strict=False)
     return {e.by for e in trail} | {str(e.data.get("by", "")) for e in trail}
 

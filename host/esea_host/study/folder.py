@@ -77,7 +77,6 @@ class StudyFolder:
 
     @classmethod
     def open(cls, path: Path, durable: bool = True, runs: bool = True, by: str = "") -> StudyFolder:
-        """A study that is there."""
         if not (path / PROTOCOL).exists():
             raise UserError(f"{path} is not a study.", "Name the folder with protocol.toml.")
         tasks, texts = sorted((path / TASKS).glob("*.py")), sorted((path / TEXTS).glob("*.toml"))

@@ -37,7 +37,6 @@ class PlannedTrial:
     seed: int
 
     def asked(self) -> tuple[StudyTask, Any]:
-        """Its task and the task's own parameters."""
         task = task_named(self.task, "plan")
         return task, task.Parameters(**self.parameters)
 
@@ -92,8 +91,7 @@ def build_plan(protocol: Protocol, index: int, session: int, group: str | None =
         for copy in range(block.copies):
             rng = generator(file.seed, 2, index, session, b, copy)
             name = f"{block.name} {copy + 1}" if block.copies > 1 else block.name
-            first = True
-            for row in _ordered(block, rng):
+            for k, row in enumerate(_ordered(block, rng)):
                 task = task_named(block.task, protocol.origin)
                 trials.append(
                     PlannedTrial(
@@ -105,11 +103,10 @@ def build_plan(protocol: Protocol, index: int, session: int, group: str | None =
                         parameters=_parameters(protocol, task, condition, block, row),
                         catch=row.catch,
                         familiarisation=block.familiarisation,
-                        rest_before_s=block.rest_s if first else block.between_s,
+                        rest_before_s=block.between_s if k else block.rest_s,
                         seed=int(rng.integers(2**31)),
                     )
                 )
-                first = False
     return Plan(file.name, session, chosen.name, group, tuple(trials))
 
 

@@ -82,9 +82,7 @@ def gone_from(folder: Path) -> set[str]:
     return {str(e.data.get("participant")) for e in entries if e.kind in ("withdraw", "delete")}
 
 
-def ends(
-    entries: Iterable[tuple[str, Mapping[str, Any]]],
-) -> dict[tuple[str, int], set[str]]:
+def ends(entries: Iterable[tuple[str, Mapping[str, Any]]]) -> dict[tuple[str, int], set[str]]:
     """As :meth:`~esea_host.study.folder.StudyFolder.ends`."""
     found: dict[tuple[str, int], set[str]] = {}
     for kind, d in entries:

@@ -367,11 +367,7 @@ class _Frames:
         if self._samples:
             scenes = self._scenes.hexdigest()
             self._say(
-                "frames",
-                trial=self._trial,
-                names=self._names,
-                samples=self._samples,
-                scenes=scenes,
+                "frames", trial=self._trial, names=self._names, samples=self._samples, scenes=scenes
             )
             self._samples = []
 

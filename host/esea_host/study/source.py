@@ -41,9 +41,7 @@ class SessionWatcher:
     """Receives all events in the session's thread; this one only draws and stops."""
 
     def __init__(
-        self,
-        show: Callable[[Scene], object] = lambda _: None,
-        stop: Callable[[], str] = lambda: "",
+        self, show: Callable[[Scene], object] = lambda _: None, stop: Callable[[], str] = lambda: ""
     ) -> None:
         self._show, self._stop = show, stop
 

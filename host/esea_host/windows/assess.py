@@ -29,8 +29,13 @@ from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.segments import MovementEvent
 from esea_host.assess.tasks import PAUSE_S, leg_scene
-from esea_host.windows.assess_controls import BoardPanel, ClinicControls
-from esea_host.windows.assess_plots import HistoryPlot, InformationMap, ProbabilityBars
+from esea_host.windows.assess_controls import (
+    BoardPanel,
+    ClinicControls,
+    HistoryPlot,
+    InformationMap,
+    ProbabilityBars,
+)
 from esea_host.windows.bar import StepButton, restyle
 from esea_host.windows.frame import (
     STOP_NAME,
@@ -292,7 +297,6 @@ def _split(way: Qt.Orientation, parts: dict[QWidget, int]) -> QSplitter:
 
 
 def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:
-    """Open the window, and return when it is closed."""
     dark = qt_application(dark)
     pg.setConfigOptions(antialias=True)
     window = AssessWindow(desk, who, dark)

@@ -84,8 +84,6 @@ class PlotPanel:
 
 
 class SignalPlot(PlotPanel):
-    """Some signals, a curve each."""
-
     # The lowest of several is wider: where two agree, both are seen.  Wide lines are slow.
     LOWEST_WIDTH = 3.0
     CURVE: ClassVar[Mapping[str, Any]] = {"connect": "finite", "antialias": True}
@@ -148,7 +146,6 @@ class TimePlot(SignalPlot):
             drawn.setData(time_s, values)
 
     def at(self, time_s: float, shown: Shown) -> list[str]:
-        """The signals' values at a time."""
         found = []
         for signal in self.signals:
             times = shown[signal.stream].time_s

@@ -61,8 +61,6 @@ def signal_of(stream: str, column: str, unit: str, label: str = "") -> ShownSign
 
 
 class AxisColumns:
-    """Columns of all streams, by axis."""
-
     def __init__(self, feed: LiveFeed) -> None:
         self._feed, self._device = feed, feed.device.identity.device
         self.axes, self.drives = self._device.axes, bool(self._device.laws)

@@ -23,10 +23,14 @@ from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.plots import PlotPanel
 from esea_host.windows.study.scene_view import SceneView, square_in
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
-from esea_host.wrist.calibration import AXES
-from esea_host.wrist.display import AxisView, DisplayPicture, WristDisplay
-from esea_host.wrist.guide import CalibrationGuide, WanderingHand
-from esea_host.wrist.stored import WristCalibration, calibration_of, save_calibration
+from esea_host.wrist.calibration import AXES, WristCalibration, calibration_of, save_calibration
+from esea_host.wrist.display import (
+    AxisView,
+    CalibrationGuide,
+    DisplayPicture,
+    WanderingHand,
+    WristDisplay,
+)
 
 LEAST_HEIGHT_PX = 230  # of the plots
 FRAME_MS, TOLD_EVERY = 16, 6  # words change every so many frames
@@ -227,10 +231,7 @@ class WristWindow(StopWindow):
         self._end_guide("")
         try:
             made = calibration_of(
-                guide.past,
-                identity.device.name,
-                identity.content_hash,
-                self.feed.device.simulated,
+                guide.past, identity.device.name, identity.content_hash, self.feed.device.simulated
             )
             self.use(made)
             self.said = f"Saved to {save_calibration(self._save_to, made)}."

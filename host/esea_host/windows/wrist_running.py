@@ -19,9 +19,8 @@ from esea_host.windows.feed import LiveFeed
 from esea_host.windows.frame import qt_application, run_until_closed, save_picture
 from esea_host.windows.operator import WORKING, ConstraintKeeper
 from esea_host.windows.wrist import TOLD_EVERY, WristWindow
-from esea_host.wrist.display import WristDisplay
-from esea_host.wrist.guide import CalibrationGuide
-from esea_host.wrist.stored import WristCalibration
+from esea_host.wrist.calibration import WristCalibration
+from esea_host.wrist.display import CalibrationGuide, WristDisplay
 
 WIDTH, HEIGHT = 1366, 768
 TURN_S, ASK_TURNS = 0.02, 10

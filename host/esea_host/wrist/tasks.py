@@ -53,7 +53,6 @@ def angles(inputs: Inputs) -> tuple[float, float]:
 
 
 def requests(parameters: Any) -> Mapping[str, float]:
-    """Requests to the device."""
     return {"impairment": float(parameters.impairment)}
 
 

@@ -173,7 +173,6 @@ class VirtualPerson(BoardSource):
         super().pull()
 
     def rest(self, seconds: float) -> None:
-        """The hand relaxes, and time passes."""
         super().rest(min(seconds, RESTS_S))
         self._skipped_s += max(0.0, seconds - RESTS_S)
 
