@@ -186,9 +186,6 @@ class MovementVerdict:
     passage: Passage | None
     tried: bool  # an attempt at all, and not the way to its start
     passed: bool
-    distance: float  # of the nearest point from the location, in tolerances
-    angle_rad: float
-    rate_rad_s: float
     text: str
 
 
@@ -199,7 +196,7 @@ def judge(
     try:
         p = passage(segment.recording(height_m, mass_kg))
     except UserError as error:
-        return MovementVerdict(None, True, False, math.inf, math.nan, math.nan, str(error))
+        return MovementVerdict(None, True, False, str(error))
     at, distance = nearest(p, asked.location)
     first, inside = segment.angle_rad[0], segment.angle_rad
     way = asked.end_rad - asked.start_rad
@@ -207,7 +204,7 @@ def judge(
     tried = abs(first - asked.start_rad) <= NEAR_RAD and went >= abs(way) / 2
     if not math.isfinite(distance):
         text = "Your hands were at the limit of their pull: nothing could be read."
-        return MovementVerdict(p, tried, False, distance, math.nan, math.nan, text)
+        return MovementVerdict(p, tried, False, text)
     angle, rate, wanted = float(p.angle_rad[at]), float(p.rate_rad_s[at]), asked.location
     text = (
         f"Reached {abs(rate) / DEG:.0f}°/s at {angle / DEG:.0f}° (asked: "
@@ -221,4 +218,4 @@ def judge(
         text += f", missed: try again, {'faster' if slow else 'slower'}."
     else:
         text += ", missed: try again."
-    return MovementVerdict(p, tried or passed, passed, distance, angle, rate, text)
+    return MovementVerdict(p, tried or passed, passed, text)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
+from esea_host import statistics
 from esea_host.interaction.design import ELEMENTS, FIRST
 from esea_host.interaction.metrics import FAMILY, Chains, Metric, settings_grid
 from esea_host.interaction.published import (
@@ -26,22 +27,6 @@ from esea_host.interaction.published import (
 from esea_host.interaction.recordings import Recordings, TaskRecordings, read_recordings
 from esea_host.interaction.survey import Comments, Survey, read_comments, read_survey
 from esea_host.smoothness import NoAnswerError, SmoothnessResult
-from esea_host.statistics import (
-    BayesPaired,
-    Crossover,
-    MixedModel,
-    NoStatisticError,
-    PairedEffect,
-    PowerStatement,
-    SignedRank,
-    bayes_paired,
-    crossover,
-    holm,
-    mixed_model,
-    power_statement,
-    signed_rank,
-    standardised_difference,
-)
 from esea_host.statistics.checks import StatisticResult
 
 Array = npt.NDArray[np.float64]
@@ -74,14 +59,14 @@ class ElementComparison(StatisticResult):
     values: Array
     medians: dict[str, float]
     thesis_medians: dict[str, float]
-    device: SignedRank
-    block: SignedRank
-    effect: PairedEffect
-    crossover: Crossover | None
-    mixed: MixedModel | None
-    bayes: BayesPaired
-    power: PowerStatement
-    family_power: PowerStatement
+    device: statistics.SignedRank
+    block: statistics.SignedRank
+    effect: statistics.PairedEffect
+    crossover: statistics.Crossover | None
+    mixed: statistics.MixedModel | None
+    bayes: statistics.BayesPaired
+    power: statistics.PowerStatement
+    family_power: statistics.PowerStatement
     band: Sensitivity
     device_holm: float = float("nan")
     block_holm: float = float("nan")
@@ -137,10 +122,10 @@ def analyse_interaction(
     found = read_recordings(folder, swapped)
     try:
         comparisons = [c for t in found.tasks for c in _comparisons(found, t)]
-    except (NoAnswerError, NoStatisticError) as error:
+    except (NoAnswerError, statistics.NoStatisticError) as error:
         raise UserError(f"{folder.name}: {error.what}", error.fix) from None
-    device = holm([c.device.p for c in comparisons])
-    block = holm([c.block.p for c in comparisons])
+    device = statistics.holm([c.device.p for c in comparisons])
+    block = statistics.holm([c.block.p for c in comparisons])
     manifest = found.manifest
     return InteractionAnalysis(
         folder.name,
@@ -175,16 +160,16 @@ def _compare(
     as_published = chains.values(replace(metric, convention="thesis"), stop_Hz)
     sides = _sides(values, task.groups)
     spring, elastomer, one, two = sides.values()
-    effect = standardised_difference(spring, elastomer)
+    effect = statistics.standardised_difference(spring, elastomer)
     notes = []
     parts: list[Any] = []
     firsts = [FIRST[g] for g in task.groups]
     seconds = [ELEMENTS[1 - ELEMENTS.index(e)] for e in firsts]
     for name, run in (
-        ("cross-over", lambda: crossover(one, two, firsts, ELEMENTS)),
+        ("cross-over", lambda: statistics.crossover(one, two, firsts, ELEMENTS)),
         (
             "mixed model",
-            lambda: mixed_model(
+            lambda: statistics.mixed_model(
                 np.concatenate([one, two]),
                 task.people * 2,
                 firsts + seconds,
@@ -195,7 +180,7 @@ def _compare(
     ):
         try:
             parts.append(run())
-        except NoStatisticError as error:
+        except statistics.NoStatisticError as error:
             parts.append(None)
             notes.append(f"{name}: {error}")
     n = len(task.people)
@@ -206,14 +191,14 @@ def _compare(
         values,
         _medians(sides),
         _medians(_sides(as_published, task.groups)),
-        signed_rank(spring, elastomer),
-        signed_rank(one, two),
+        statistics.signed_rank(spring, elastomer),
+        statistics.signed_rank(one, two),
         effect,
         parts[0],
         parts[1],
-        bayes_paired(spring, elastomer),
-        power_statement(n, effect.sd),
-        power_statement(n, effect.sd, alpha=0.05 / family),
+        statistics.bayes_paired(spring, elastomer),
+        statistics.power_statement(n, effect.sd),
+        statistics.power_statement(n, effect.sd, alpha=0.05 / family),
         _sensitivity(chains, metric),
         notes=tuple(notes),
     )
@@ -237,8 +222,8 @@ def _sensitivity(chains: Chains, metric: Metric) -> Sensitivity:
     for settings in settings_grid(metric):
         try:
             spring, elastomer = chains.values(metric, **settings).T
-            p = signed_rank(spring, elastomer).p
-        except (NoAnswerError, NoStatisticError) as error:
+            p = statistics.signed_rank(spring, elastomer).p
+        except (NoAnswerError, statistics.NoStatisticError) as error:
             refused.append(f"{', '.join(f'{k} {v:g}' for k, v in settings.items())}: {error}")
             continue
         seen.append((float(np.median(spring)), float(np.median(elastomer)), p))

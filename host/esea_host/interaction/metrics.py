@@ -10,18 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from esea_host.smoothness import (
-    Derivatives,
-    SmoothnessResult,
-    derivatives,
-    dimensionless_jerk,
-    ldlj,
-    peak_speed_ratio,
-    rms_acceleration,
-    sparc,
-    submovements,
-    vdv,
-)
+from esea_host import smoothness
 
 Array = npt.NDArray[np.float64]
 
@@ -34,17 +23,17 @@ THRESHOLDS = (0.02, 0.05, 0.1)
 
 
 # Of a filtered angle, each with the convention and settings that it takes.
-MEASURES: dict[str, Callable[..., SmoothnessResult]] = {
-    "RMS acceleration": lambda d, _, **s: rms_acceleration(d.acceleration, d.fs_Hz, **s),
-    "VDV": lambda d, c, **s: vdv(d.acceleration, d.fs_Hz, c, **s),
+MEASURES: dict[str, Callable[..., smoothness.SmoothnessResult]] = {
+    "RMS acceleration": lambda d, _, **s: smoothness.rms_acceleration(d.acceleration, d.fs_Hz, **s),
+    "VDV": lambda d, c, **s: smoothness.vdv(d.acceleration, d.fs_Hz, c, **s),
     # Of the velocity with its sign: the speed has a corner wherever that changes.
-    "LDLJ": lambda d, c, **s: ldlj(d.velocity, d.fs_Hz, c, jerk=d.jerk, **s),
-    "dimensionless jerk": lambda d, c, **s: dimensionless_jerk(
+    "LDLJ": lambda d, c, **s: smoothness.ldlj(d.velocity, d.fs_Hz, c, jerk=d.jerk, **s),
+    "dimensionless jerk": lambda d, c, **s: smoothness.dimensionless_jerk(
         d.velocity, d.fs_Hz, c, jerk=d.jerk, **s
     ),
-    "SPARC": lambda d, c, **s: sparc(d.speed, d.fs_Hz, c, **s),
-    "submovements": lambda d, _, **s: submovements(d.speed, d.fs_Hz, **s),
-    "peak-speed ratio": lambda d, _, **s: peak_speed_ratio(d.speed, d.fs_Hz, **s),
+    "SPARC": lambda d, c, **s: smoothness.sparc(d.speed, d.fs_Hz, c, **s),
+    "submovements": lambda d, _, **s: smoothness.submovements(d.speed, d.fs_Hz, **s),
+    "peak-speed ratio": lambda d, _, **s: smoothness.peak_speed_ratio(d.speed, d.fs_Hz, **s),
 }
 
 
@@ -56,7 +45,7 @@ class Metric:
     convention: str
     tuned: tuple[str, ...] = ()
 
-    def measure(self, d: Derivatives, **settings: Any) -> SmoothnessResult:
+    def measure(self, d: smoothness.Derivatives, **settings: Any) -> smoothness.SmoothnessResult:
         more = settings | {"processing": d.processing}
         return MEASURES[self.name](d, self.convention, **more)
 
@@ -77,9 +66,11 @@ class Chains:
     def __init__(self, theta_deg: Array, fs_Hz: float, last_s: float) -> None:
         self.shape = theta_deg.shape[:-1]
         stack = theta_deg.reshape(-1, theta_deg.shape[-1])
-        self._of = cache(lambda stop_Hz: derivatives(stack, fs_Hz, stop_Hz).last(last_s))
+        self._of = cache(lambda stop_Hz: smoothness.derivatives(stack, fs_Hz, stop_Hz).last(last_s))
 
-    def result(self, metric: Metric, stop_Hz: float, **settings: float) -> SmoothnessResult:
+    def result(
+        self, metric: Metric, stop_Hz: float, **settings: float
+    ) -> smoothness.SmoothnessResult:
         """The metric of every recording in one result."""
         if metric.name == "SPARC":
             settings = {"cutoff_Hz": CUTOFF_HZ} | settings

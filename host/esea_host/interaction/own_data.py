@@ -14,21 +14,11 @@ from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES
 from esea_gen.tables import FileTable, read_table
 from esea_gen.tables.table import listed
+from esea_host import smoothness
 from esea_host.interaction.metrics import Metric
 from esea_host.interaction.recordings import Array, is_simulated
 from esea_host.recording.export import SIMULATED, longest_run, says_simulated
 from esea_host.recording.log import TICK
-from esea_host.smoothness import (
-    Band,
-    Derivatives,
-    NoAnswerError,
-    Resampling,
-    SmoothnessResult,
-    derivatives,
-    resampled,
-    sensitivity_band,
-    steady_rate,
-)
 
 # What a joint's angle is called, the surest first; boards call it ``theta_load_rad``.
 ANGLES = ("theta_load", "theta", "angle", "knee")
@@ -93,8 +83,8 @@ class OwnSmoothness:
     column: NamedColumn
     time: NamedColumn
     read: tuple[str, ...]
-    resampling: Resampling | None
-    results: tuple[tuple[SmoothnessResult, Band], ...]
+    resampling: smoothness.Resampling | None
+    results: tuple[tuple[smoothness.SmoothnessResult, smoothness.Band], ...]
     refused: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -153,19 +143,19 @@ def measure_file(
     made = None
     try:
         if resample_Hz is not None:
-            made = resampled(t, x, resample_Hz, stop_Hz)
+            made = smoothness.resampled(t, x, resample_Hz, stop_Hz)
             t, x = made.time_s, made.values
-        fs_Hz = steady_rate(t)
+        fs_Hz = smoothness.steady_rate(t)
         x, unit = _integrated(x, fs_Hz, moved, read)
 
-        def chain(stop: float) -> Derivatives:
-            found = derivatives(x, fs_Hz, stop, time_s=t)
+        def chain(stop: float) -> smoothness.Derivatives:
+            found = smoothness.derivatives(x, fs_Hz, stop, time_s=t)
             return found if last_s is None else found.last(last_s)
 
         others = (s for s in (0.8 * stop_Hz, 1.5 * stop_Hz) if s < fs_Hz / 2)
         chains = {stop_Hz: chain(stop_Hz)} | {s: chain(s) for s in others}
         results, refused = _measured(path, chains, stop_Hz, f"{unit}/s^2")
-    except NoAnswerError as error:
+    except smoothness.NoAnswerError as error:
         fix = error.fix
         if error.reason == "gap" and resample_Hz is None:
             length_s = float(np.ptp(t))
@@ -261,15 +251,15 @@ WANTED = (
 
 
 def _measured(
-    path: Path, chains: dict[float, Derivatives], stop_Hz: float, unit: str
-) -> tuple[tuple[tuple[SmoothnessResult, Band], ...], tuple[str, ...]]:
+    path: Path, chains: dict[float, smoothness.Derivatives], stop_Hz: float, unit: str
+) -> tuple[tuple[tuple[smoothness.SmoothnessResult, smoothness.Band], ...], tuple[str, ...]]:
     results, refused = [], []
     for name, convention, kind in WANTED:
         metric, more = Metric(name, convention), {"unit": unit} if kind in ("rms", "vdv") else {}
 
         def measure(
             stop_Hz: float = stop_Hz, metric: Metric = metric, more: Any = more, **settings: Any
-        ) -> SmoothnessResult:
+        ) -> smoothness.SmoothnessResult:
             return metric.measure(chains[stop_Hz], **more, **settings)
 
         grid: dict[str, tuple[float, ...]] = {"stop_Hz": tuple(chains)}
@@ -278,8 +268,8 @@ def _measured(
         if kind in ("sparc", "submovements"):
             grid |= {"threshold": (0.02, 0.05, 0.1)}
         try:
-            results.append((measure(), sensitivity_band(measure, **grid)))
-        except NoAnswerError as error:
+            results.append((measure(), smoothness.sensitivity_band(measure, **grid)))
+        except smoothness.NoAnswerError as error:
             refused.append(f"{kind} ({convention}): {error}")
     if not results:
         raise UserError(f"{path.name}: {refused[0]}", "Look at the recording.")

@@ -22,16 +22,9 @@ from esea_gen.errors import UserError
 from esea_gen.pages import environment
 from esea_gen.plotting import INK, STYLE
 from esea_gen.tables import FileTable, read_table
+from esea_host import statistics
 from esea_host.interaction.design import ELEMENTS, FIRST, SPRING
 from esea_host.interaction.published import TABLE_6_4, TABLE_6_5
-from esea_host.statistics import (
-    Agreement,
-    NoStatisticError,
-    SignedRank,
-    cohens_kappa,
-    holm,
-    signed_rank,
-)
 from esea_host.statistics.checks import StatisticResult
 from esea_host.study.words import Words, languages, words_of
 
@@ -61,7 +54,7 @@ class Question:
 
     name: str
     answers: tuple[int, ...]
-    test: SignedRank | None
+    test: statistics.SignedRank | None
     p_holm: float
 
     @property
@@ -158,8 +151,8 @@ def read_survey(path: Path) -> Survey:
 
 def survey_of(people: dict[str, str], answers: dict[str, list[int]], read: str) -> Survey:
     """Tests of answers that are already in the form spring against elastomer."""
-    tests = {q: signed_rank(a) if any(a) else None for q, a in answers.items()}
-    adjusted = holm([1.0 if t is None else t.p for t in tests.values()])
+    tests = {q: statistics.signed_rank(a) if any(a) else None for q, a in answers.items()}
+    adjusted = statistics.holm([1.0 if t is None else t.p for t in tests.values()])
     return Survey(
         people,
         tuple(
@@ -226,8 +219,8 @@ class Comments(StatisticResult):
     coders: tuple[str, str]
     comments: int
     counts: dict[str, dict[str, dict[str, dict[str, int]]]]
-    theme_agreement: dict[str, Agreement | None]
-    tone_agreement: Agreement | None
+    theme_agreement: dict[str, statistics.Agreement | None]
+    tone_agreement: statistics.Agreement | None
     disagreed: tuple[str, ...]
     read: str = ""
 
@@ -269,7 +262,7 @@ def _counted(counts: dict[str, dict[str, dict[str, int]]]) -> list[str]:
     ]
 
 
-def _said(found: Agreement | None) -> str:
+def _said(found: statistics.Agreement | None) -> str:
     if found is None:
         return "none: both give one code only"
     return f"{found.kappa:.2f} ({found.low:.2f} to {found.high:.2f}), {found.n} items"
@@ -351,8 +344,8 @@ def _compared(
     )
 
 
-def _kappa(one: list[str], other: list[str]) -> Agreement | None:
+def _kappa(one: list[str], other: list[str]) -> statistics.Agreement | None:
     try:
-        return cohens_kappa(one, other)
-    except NoStatisticError:
+        return statistics.cohens_kappa(one, other)
+    except statistics.NoStatisticError:
         return None
