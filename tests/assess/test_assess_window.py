@@ -50,7 +50,7 @@ def test_it_says_what_it_is_not_and_works_without_a_sensor(opened, qtbot):
     assert steps(opened) == ["begin", "felt"]
     assert opened.desk.proposed != before or opened.desk.session.by_name()
     opened.controls.torque.setValue(7.5)
-    opened.controls.torque_read.emit(opened.controls.torque.value())
+    opened.controls.take_torque()
     assert steps(opened) == ["begin", "felt", "measured"]
     assert opened.trail.count() == 3
     assert "resistance felt as strong" in opened.trail.item(1).text()
@@ -77,11 +77,12 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     opened.undo()
     assert opened.bar.said.text() == "Nothing to take back."
     asked = opened.desk.proposed.location
-    c.another.emit()
+    c.another.click()
     assert opened.desk.proposed.location != asked
     opened.undo()  # that, and not a step before it
     assert opened.desk.proposed.location == asked
-    c.skipped.emit("pain")
+    c.why_skip.setText("pain")
+    c.skip.click()
     assert steps(opened)[-3:] == ["left out", "undone", "skipped"]
 
 
@@ -169,7 +170,7 @@ def test_a_simulated_patient_is_driven_from_it_and_never_taken_for_a_person(driv
     qtbot.addWidget(window)
     assert "SIMULATED PATIENT" in window.windowTitle()
     assert window.bar.badge.text() == "SIMULATED PATIENT"
-    window.controls.moved.emit()
+    window.move_leg()
     assert window.bar.said.text().startswith("Simulated: ")
     assert "measured" in steps(window)
     assert driven.about("P01") == "SIMULATED PATIENT P01"

@@ -17,6 +17,7 @@ from joblib import Parallel, delayed
 
 from esea_gen.errors import UserError
 from esea_gen.files import plain
+from esea_host.assess import probing
 from esea_host.assess.build import EVALUATION
 from esea_host.assess.database import ResponseDataBase
 from esea_host.assess.hypotheses import NONE, Hypotheses, disorder_of
@@ -29,14 +30,6 @@ from esea_host.assess.patients import (
     draw,
     draw_category,
     draw_outside,
-)
-from esea_host.assess.probing import (
-    Comfort,
-    ProbingMovement,
-    informative,
-    next_movement,
-    plans,
-    probing_movement,
 )
 from esea_host.assess.responses import Location
 from esea_host.assess.session import Assessment, assessed_hypotheses, take
@@ -138,17 +131,19 @@ class _Lane:
         sure = not self.inside or any(p[:-1].max() >= CONFIDENT for p in self.steps)
         return made >= MOST or (made >= MOVEMENTS and sure)
 
-    def choose(self, cells: Cells, protocol: list[Location]) -> ProbingMovement:
+    def choose(self, cells: Cells, protocol: list[Location]) -> probing.ProbingMovement:
         grid = self.session.hypotheses.grid
         if self.way in ("expected", "thesis"):
-            return next_movement(self.session, value=informative(self.session, measure=self.way))
+            return probing.next_movement(
+                self.session, value=probing.informative(self.session, measure=self.way)
+            )
         made = len(self.steps) - 1
         where = (
             protocol[made % len(protocol)]
             if self.way == "fixed"
             else grid.location(int(self.rng.choice(cells)))
         )
-        found = probing_movement(where, Comfort())
+        found = probing.probing_movement(where, probing.Comfort())
         assert found is not None
         return found
 
@@ -161,7 +156,7 @@ def meet(
     seed: int,
     ways: Sequence[str] = WAYS,
 ) -> list[Met]:
-    cells = np.array([p.cell for p in plans(hypotheses)])
+    cells = np.array([p.cell for p in probing.plans(hypotheses)])
     protocol = fixed_protocol(data, cells)
     root = EVALUATION + seed
     lanes = []

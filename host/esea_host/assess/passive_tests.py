@@ -16,15 +16,8 @@ import numpy as np
 from scipy.signal import find_peaks, savgol_filter
 
 from esea_gen.errors import UserError
+from esea_host.assess import responses
 from esea_host.assess.patients import DEG, Array
-from esea_host.assess.responses import (
-    ERROR_STAYS_S,
-    LATENCY_S,
-    SLOWEST_S,
-    LegRecording,
-    Passage,
-    passage,
-)
 
 REST_S = 0.5  # the end, over which the leg must be at rest
 REST_RAD, REST_rad_s = 3 * DEG, 12 * DEG
@@ -83,10 +76,10 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
             "Record at least 50 samples without gaps.",
         )
     h = float(np.median(np.diff(t)))
-    if h > SLOWEST_S:
+    if h > responses.SLOWEST_S:
         raise UserError(
-            f"pendulum test: a sample every {h:.3g} s, at most {SLOWEST_S:g} s.",
-            f"Record at {1 / SLOWEST_S:.0f} Hz or more, with time_s in seconds.",
+            f"pendulum test: a sample every {h:.3g} s, at most {responses.SLOWEST_S:g} s.",
+            f"Record at {1 / responses.SLOWEST_S:.0f} Hz or more, with time_s in seconds.",
         )
     even = np.arange(t[0], t[-1], h)
     window = max(5, 2 * round(0.02 / h) + 1)
@@ -190,15 +183,15 @@ class MotionRange:
         return out
 
 
-def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
+def motion_range(recording: responses.LegRecording, bins: int = 40) -> MotionRange:
     """Range, stiffness and loop from a recording of slow cycles; leg's weight taken off."""
-    p = passage(recording)
+    p = responses.passage(recording)
     # Torque at its own time again: a passage pairs it with where the leg was 60 ms before.
-    late = round(LATENCY_S / float(p.time_s[1] - p.time_s[0]))
+    late = round(responses.LATENCY_S / float(p.time_s[1] - p.time_s[0]))
     n = len(p.time_s) - late
     response = p.response_Nm[:n]
     error = p.error_Nm
-    p = Passage(
+    p = responses.Passage(
         p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:], response, p.strained[:n], 0.0
     )
     low, high = (float(x) for x in np.quantile(p.angle_rad, [0.002, 0.998]))
@@ -216,7 +209,7 @@ def motion_range(recording: LegRecording, bins: int = 40) -> MotionRange:
     loop = float(np.trapezoid(p.response_Nm[a : b + 1], p.angle_rad[a : b + 1])) / cycles
     # Work of a stationary error with that correlation time; it can make a lost energy negative.
     path = float(np.trapezoid(p.rate_rad_s[a : b + 1] ** 2, p.time_s[a : b + 1]))
-    loop_error = error * math.sqrt(2 * ERROR_STAYS_S * path) / cycles
+    loop_error = error * math.sqrt(2 * responses.ERROR_STAYS_S * path) / cycles
     edges = np.linspace(low, high, bins + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     at = np.clip(np.digitize(p.angle_rad, edges) - 1, 0, bins - 1)

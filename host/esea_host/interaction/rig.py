@@ -18,14 +18,8 @@ from esea_gen.device import Device, load_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary, compile_system
 from esea_gen.language.system import System, Task
+from esea_host.interaction import tasks
 from esea_host.interaction.loading import LoadingCurve, LoadingProtocol, analyse_loading
-from esea_host.interaction.tasks import (
-    DAMPING_NMS_RAD,
-    PADDLE_X,
-    PongParameters,
-    TrackingParameters,
-    screen_deg,
-)
 from esea_host.people.hand import MovingHand, shape
 from esea_host.people.person import Limb, VirtualParticipant
 from esea_host.study.scene import Scene
@@ -190,8 +184,8 @@ class RigPlayer(MovingHand):
 
     def pointed_deg(self, scene: Scene, across: float, up: float) -> tuple[float, ...]:
         """Across is the angle; in the game, where the angle is a speed, up is."""
-        if isinstance(self.asked, TrackingParameters):
-            return (min(max(across, -1.0), 1.0) * screen_deg(self.asked.target),)
+        if isinstance(self.asked, tasks.TrackingParameters):
+            return (min(max(across, -1.0), 1.0) * tasks.screen_deg(self.asked.target),)
         return (min(max(up, -1.0), 1.0) * MOST_DEG,)
 
     def look(self, scene: Scene) -> None:
@@ -200,8 +194,8 @@ class RigPlayer(MovingHand):
         cursor = shape(scene, "cursor")
         if cursor is None:
             return
-        if isinstance(self.asked, TrackingParameters):
-            self.feel((cursor.x * screen_deg(self.asked.target),))
+        if isinstance(self.asked, tasks.TrackingParameters):
+            self.feel((cursor.x * tasks.screen_deg(self.asked.target),))
             return
         lost = min(abs(cursor.y), abs(cursor.to_y)) > 1 and cursor.y * cursor.to_y > 0
         if not lost:
@@ -210,16 +204,16 @@ class RigPlayer(MovingHand):
             self._lost_since_s = self.time_s
 
     def plan(self, axis: int, scene: Scene, aims_then: tuple[float, ...]) -> None:
-        if isinstance(self.asked, TrackingParameters):
+        if isinstance(self.asked, tasks.TrackingParameters):
             self._follow(self.asked, scene, aims_then[0])
-        elif isinstance(self.asked, PongParameters):
+        elif isinstance(self.asked, tasks.PongParameters):
             self._play(self.asked, scene)
 
-    def _follow(self, asked: TrackingParameters, scene: Scene, aim_then: float) -> None:
+    def _follow(self, asked: tasks.TrackingParameters, scene: Scene, aim_then: float) -> None:
         target, cursor = shape(scene, "target"), shape(scene, "cursor")
         if target is None or cursor is None:
             return
-        m, deg = self.who.model, screen_deg(asked.target)
+        m, deg = self.who.model, tasks.screen_deg(asked.target)
         # On by what the target has moved since it was seen, and will move during half of the way.
         ahead = self.speed_seen("target")[0] * (m.delay_s + m.submovement_s / 2)
         wanted = deg * (target.x + ahead - cursor.x) / self.who.gain[0]
@@ -227,7 +221,7 @@ class RigPlayer(MovingHand):
         wanted -= self.end(0) - aim_then
         self.correct(0, wanted, m.submovement_s)
 
-    def _play(self, asked: PongParameters, scene: Scene) -> None:
+    def _play(self, asked: tasks.PongParameters, scene: Scene) -> None:
         # The angle of the wrist is the paddle's speed: chosen so that it meets the ball.
         ball, paddle = shape(scene, "target"), shape(scene, "cursor")
         if ball is None or paddle is None:
@@ -237,10 +231,10 @@ class RigPlayer(MovingHand):
         speed_x, speed_y = self.speed_seen("target")
         goal, left_s = 0.0, 1.0
         if speed_x < 0:
-            left_s = (ball.x - PADDLE_X) / -speed_x - m.delay_s
+            left_s = (ball.x - tasks.PADDLE_X) / -speed_x - m.delay_s
             goal = _folded(ball.y + speed_y * (left_s + m.delay_s), 1.0 - asked.half_ball)
         speed = (goal - y) / max(left_s - m.submovement_s / 2, LEAST_TIME_S)
-        theta = math.degrees(speed * asked.half_screen * DAMPING_NMS_RAD)
+        theta = math.degrees(speed * asked.half_screen * tasks.DAMPING_NMS_RAD)
         theta = min(max(theta, -MOST_DEG), MOST_DEG)
         self.correct(0, theta / self.who.gain[0] - self.end(0), m.submovement_s)
 

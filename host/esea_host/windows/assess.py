@@ -29,6 +29,7 @@ from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort
 from esea_host.assess.segments import MovementEvent
 from esea_host.assess.tasks import PAUSE_S, leg_scene
+from esea_host.windows import frame
 from esea_host.windows.assess_controls import (
     BoardPanel,
     ClinicControls,
@@ -37,16 +38,6 @@ from esea_host.windows.assess_controls import (
     ProbabilityBars,
 )
 from esea_host.windows.bar import StepButton, restyle
-from esea_host.windows.frame import (
-    STOP_NAME,
-    Job,
-    StopWindow,
-    ask_for_file,
-    column_of,
-    qt_application,
-    row_of,
-    run_until_closed,
-)
 from esea_host.windows.meanings import ROLES, refusals
 from esea_host.windows.study.scene_view import SceneView
 from esea_host.windows.theme import DARK, LIGHT, Theme, plain_label
@@ -57,7 +48,7 @@ RECORDINGS = f"Recordings (*{' *'.join(KINDS)})"
 PAGES = "Page (*.pdf *.png *.html)"
 
 
-class AssessWindow(StopWindow):
+class AssessWindow(frame.StopWindow):
     """A window on a :class:`ClinicDesk`; every step goes through the desk and into its trail."""
 
     def __init__(self, desk: ClinicDesk, who: str = "", dark: bool = False) -> None:
@@ -82,22 +73,13 @@ class AssessWindow(StopWindow):
         self.now.setMinimumHeight(32)
         self._said, self._refused = "", False
         self.map, self.leg = InformationMap(self.desk.session.hypotheses.grid), SceneView()
-        names = list(self.desk.session.names)
-        self.bars = ProbabilityBars([long_name(n) for n in names])
-        self.history = HistoryPlot([long_name(n) for n in names])
+        names = [long_name(n) for n in self.desk.session.names]
+        self.bars, self.history = ProbabilityBars(names), HistoryPlot(names)
         self.trail = QListWidget()
         self.trail.setMinimumHeight(90)
         self.trail.setAccessibleName("Steps")
-        self.controls = ClinicControls(names, self.desk.comfort, self.desk.patient is not None)
-        c = self.controls
-        c.moved.connect(self.move_leg)
-        c.torque_read.connect(lambda x: self._step(partial(self.desk.torque, x)))
-        c.felt.connect(lambda word: self._step(partial(self.desk.word, word)))
-        c.skipped.connect(lambda why: self._step(partial(self.desk.skip, why)))
-        c.another.connect(lambda: self._step(self.desk.leave_out))
-        c.undone.connect(self.undo)
-        c.judged.connect(lambda p, why: self._step(partial(self.desk.override, p, why)))
-        c.limited.connect(self.limit)
+        given = self._step, self.move_leg, self.undo, self.limit
+        self.controls = ClinicControls(self.desk, *given)
         controls = QScrollArea()
         controls.setWidget(self.controls)
         controls.setWidgetResizable(True)
@@ -110,7 +92,7 @@ class AssessWindow(StopWindow):
         sizes = (205, 395, 110) if self.panel is None else (340, 260, 110)
         right = _split(down, dict(zip((self._upper(), controls, self.trail), sizes, strict=True)))
         self._seen, self._done, self._both = left, right, _split(across, {left: 760, right: 520})
-        self.fill(column_of(row_of((self.now, 1), self.settled), (self._both, 1)))
+        self.fill(frame.column_of(frame.row_of((self.now, 1), self.settled), (self._both, 1)))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """On a small screen put the controls above the plots."""
@@ -131,7 +113,7 @@ class AssessWindow(StopWindow):
         return tabs
 
     def _actions(self) -> None:
-        jobs: list[tuple[str, str, Job]] = [
+        jobs: list[tuple[str, str, frame.Job]] = [
             ("Read a recording...", "Ctrl+O", self.open_recording),
             ("Save the page for the file...", "Ctrl+S", self.save_page),
             ("Take back the last step", "Ctrl+Z", self.undo),
@@ -147,7 +129,7 @@ class AssessWindow(StopWindow):
             for name, (key, job) in (steps | {"Zero": ("Ctrl+0", self.panel.board.zero)}).items():
                 jobs.append((name, key, partial(self._step, job)))
                 self.bar.add_step(name, StepButton(name, key, jobs[-1][2]))
-            jobs.append((STOP_NAME, "", self.stop))
+            jobs.append((frame.STOP_NAME, "", self.stop))
         self.add_menu("&Assessment", jobs)
 
     def stop(self) -> None:
@@ -205,7 +187,7 @@ class AssessWindow(StopWindow):
 
     def open_recording(self, path: Path | str | None = None) -> None:
         if path is None:
-            ask_for_file(self, "Recording", RECORDINGS, self.open_recording)
+            frame.ask_for_file(self, "Recording", RECORDINGS, self.open_recording)
         else:
             self._step(partial(self._read, Path(path)))
 
@@ -215,7 +197,7 @@ class AssessWindow(StopWindow):
 
     def save_page(self, path: Path | str | None = None) -> None:
         if path is None:
-            ask_for_file(self, "Page", PAGES, self.save_page, "knee.pdf")
+            frame.ask_for_file(self, "Page", PAGES, self.save_page, "knee.pdf")
         else:
             self._step(partial(self._write, Path(path)))
 
@@ -297,7 +279,7 @@ def _split(way: Qt.Orientation, parts: dict[QWidget, int]) -> QSplitter:
 
 
 def run_assess(desk: ClinicDesk, who: str = "", dark: bool | None = None) -> None:
-    dark = qt_application(dark)
+    dark = frame.qt_application(dark)
     pg.setConfigOptions(antialias=True)
     window = AssessWindow(desk, who, dark)
-    run_until_closed(window)
+    frame.run_until_closed(window)

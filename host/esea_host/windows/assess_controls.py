@@ -3,57 +3,56 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, Qt, Signal
+from PySide6.QtCore import QRectF, Qt
 from PySide6.QtWidgets import QApplication, QGridLayout, QGroupBox, QLabel, QLineEdit, QWidget
 
 from esea_host.assess.board import KneeBoard
 from esea_host.assess.database import LocationGrid
-from esea_host.assess.desk import long_name
+from esea_host.assess.desk import ClinicDesk, long_name
 from esea_host.assess.patients import DEG
 from esea_host.assess.probing import Comfort, ProbingMovement
 from esea_host.assess.segments import MovementEvent, MovementVerdict
 from esea_host.assess.session import WORDS
 from esea_host.windows.bar import restyle
-from esea_host.windows.frame import coloured, column_of, labelled, push_button, row_of
+from esea_host.windows.frame import Job, coloured, column_of, labelled, push_button, row_of
 from esea_host.windows.number_field import Choice, NumberField
 from esea_host.windows.plots import PlotPanel, legend
 from esea_host.windows.theme import Theme, plain_label
 
 
 class ClinicControls(QWidget):
-    """Buttons and fields; signals carry their requests."""
+    """Buttons and fields; step: does a job of the desk, and shows what came of it."""
 
-    moved = Signal()
-    torque_read = Signal(float)
-    felt = Signal(str)
-    skipped = Signal(str)
-    another = Signal()
-    undone = Signal()
-    judged = Signal(dict, str)
-    limited = Signal(float, float, float)
-
-    def __init__(self, names: Sequence[str], comfort: Comfort, simulated: bool) -> None:
+    def __init__(
+        self,
+        desk: ClinicDesk,
+        step: Callable[[Job], None],
+        move: Job,
+        undo: Job,
+        limit: Callable[[float, float, float], None],
+    ) -> None:
         super().__init__()
-        boxes = self._seen(simulated), self._judgement(names), self._limits(comfort)
-        column = column_of(*boxes)
+        self._desk, self._step, self._limited = desk, step, limit
+        column = column_of(self._seen(move, undo), self._judgement(), self._limits())
         column.setContentsMargins(4, 4, 4, 4)
         column.addStretch(1)
         self.setLayout(column)
 
-    def _seen(self, simulated: bool) -> QGroupBox:
+    def _seen(self, move: Job, undo: Job) -> QGroupBox:
         box, grid = _titled("This movement: what was seen")
-        if simulated:
-            self.move_button = push_button("Move the simulated leg  (Ctrl+M)", self.moved.emit)
+        desk, step = self._desk, self._step
+        if desk.patient is not None:
+            self.move_button = push_button("Move the simulated leg  (Ctrl+M)", move)
             grid.addWidget(self.move_button, 0, 0, 1, 3)
         self.torque = NumberField(-100, 100, 0.5, "Nm")
         self.torque.setToolTip("Torque of your hands at that moment, bending positive")
-        self.words = {w: push_button(w, partial(self.felt.emit, w)) for w in WORDS}
+        self.words = {w: push_button(w, partial(step, partial(desk.word, w))) for w in WORDS}
         words = QGridLayout()
         for i, word in enumerate(self.words.values()):
             words.addWidget(word, i // 3, i % 3)
@@ -63,25 +62,27 @@ class ClinicControls(QWidget):
         grid.addWidget(QLabel("Resistance felt"), 2, 0)
         grid.addWidget(labelled("No result", self.why_skip), 3, 0)
         grid.addWidget(self.torque.box, 1, 1)
-        grid.addWidget(push_button("Take", self._take_torque), 1, 2)
+        grid.addWidget(push_button("Take", self.take_torque), 1, 2)
         grid.addLayout(words, 2, 1, 1, 2)
         grid.addWidget(self.why_skip, 3, 1)
-        skip = push_button("Skip", lambda: self.skipped.emit(self.why_skip.text().strip()))
-        grid.addWidget(skip, 3, 2)
-        another = push_button("Another movement  (Ctrl+N)", self.another.emit)
-        back = push_button("Take back  (Ctrl+Z)", self.undone.emit)
-        grid.addLayout(row_of(another, back), 4, 0, 1, 3)
+        self.skip = push_button(
+            "Skip", lambda: step(partial(desk.skip, self.why_skip.text().strip()))
+        )
+        grid.addWidget(self.skip, 3, 2)
+        self.another = push_button("Another movement  (Ctrl+N)", partial(step, desk.leave_out))
+        back = push_button("Take back  (Ctrl+Z)", undo)
+        grid.addLayout(row_of(self.another, back), 4, 0, 1, 3)
         return box
 
-    def _take_torque(self) -> None:
+    def take_torque(self) -> None:
         torque_Nm = self.torque.take()
         if torque_Nm is not None:
-            self.torque_read.emit(torque_Nm)
+            self._step(partial(self._desk.torque, torque_Nm))
 
-    def _judgement(self, names: Sequence[str]) -> QGroupBox:
+    def _judgement(self) -> QGroupBox:
         box, grid = _titled("Your own judgement (kept in the steps)")
         self.name, self.percent, self.why = Choice(), NumberField(0, 100, 5, "%"), QLineEdit()
-        for name in names:
+        for name in self._desk.session.names:
             self.name.addItem(long_name(name), name)
         self.percent.setValue(50)
         self.why.setPlaceholderText("why, such as the history")
@@ -97,13 +98,13 @@ class ClinicControls(QWidget):
         percent = self.percent.take()
         if percent is not None:
             share = {str(self.name.currentData()): percent / 100}
-            self.judged.emit(share, self.why.text().strip())
+            self._step(partial(self._desk.override, share, self.why.text().strip()))
 
-    def _limits(self, comfort: Comfort) -> QGroupBox:
+    def _limits(self) -> QGroupBox:
         box, grid = _titled("Reach and comfort")
         self.low, self.high = NumberField(0, 160, 5, "°"), NumberField(0, 160, 5, "°")
         self.fastest = NumberField(5, 300, 5, "°/s")
-        self.show_limits(comfort)
+        self.show_limits(self._desk.comfort)
         for i, (text, field) in enumerate(
             (("from", self.low), ("to", self.high), ("at most", self.fastest))
         ):
@@ -119,7 +120,7 @@ class ClinicControls(QWidget):
         self.fastest.setValue(comfort.rate_rad_s / DEG)
 
     def limit(self) -> None:
-        self.limited.emit(self.low.value(), self.high.value(), self.fastest.value())
+        self._limited(self.low.value(), self.high.value(), self.fastest.value())
 
 
 def _titled(title: str) -> tuple[QGroupBox, QGridLayout]:

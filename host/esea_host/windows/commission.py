@@ -30,17 +30,9 @@ from esea_host.commissioning import (
 )
 from esea_host.commissioning.bench import TURN_S
 from esea_host.commissioning.record import done_at
+from esea_host.windows import frame
 from esea_host.windows.bar import StepButton
 from esea_host.windows.feed import StopSender
-from esea_host.windows.frame import (
-    NOT_CONFIRMED,
-    STOP_NAME,
-    StopWindow,
-    column_of,
-    qt_application,
-    row_of,
-    run_until_closed,
-)
 from esea_host.windows.meanings import CLEAR, NEXT, RELEASE, ROLES, refusals
 from esea_host.windows.theme import DARK, LIGHT, Theme
 
@@ -48,7 +40,7 @@ LOOK_MS, MARGIN_PX, FIGURE_DPI = 200, 24, 80
 STANDS = ("STOPPING", "STOPPED", "FAULT")
 
 
-class CommissioningWindow(StopWindow):
+class CommissioningWindow(frame.StopWindow):
     """Each step runs in a thread; unless simulated, the bench asks this window."""
 
     # From the thread that works to the one that draws.
@@ -103,9 +95,9 @@ class CommissioningWindow(StopWindow):
         for name, job in ((RELEASE, device.release), (CLEAR, device.clear)):
             self.bar.add_step(name, StepButton(name, "", partial(self._command, name, job)))
         self.add_menu("&View", [("Dark, light", "T", self.toggle_theme)])
-        self.add_menu("&Board", [(STOP_NAME, "", self.stop)])
-        right = column_of(self.head, self.text, (self.picture, 1))
-        self.fill(row_of(self.list, (right, 1)), reads=True)
+        self.add_menu("&Board", [(frame.STOP_NAME, "", self.stop)])
+        right = frame.column_of(self.head, self.text, (self.picture, 1))
+        self.fill(frame.row_of(self.list, (right, 1)), reads=True)
         self.list.addItems([s.title for s in self.steps])
         self._rename()
         self.list.setCurrentRow(0)
@@ -219,7 +211,7 @@ class CommissioningWindow(StopWindow):
         reasons = refusals(state)
         for name in (RELEASE, CLEAR):
             self.bar.steps[name].refuse("a step runs" if self.busy else reasons[name])
-        alarm = NOT_CONFIRMED if self.stop_unconfirmed(state) else ""
+        alarm = frame.NOT_CONFIRMED if self.stop_unconfirmed(state) else ""
         receiver = self.bench.device.receiver
         if receiver.away and not alarm:
             alarm = f"{receiver.away_text()}. Last state: {state}."
@@ -307,5 +299,5 @@ def run_commissioning(
     options: StepOptions,
     record: CommissioningRecord,
 ) -> None:
-    window = CommissioningWindow(bench, steps, options, record, qt_application())
-    run_until_closed(window, size_px=(1180, 860))
+    window = CommissioningWindow(bench, steps, options, record, frame.qt_application())
+    frame.run_until_closed(window, size_px=(1180, 860))
