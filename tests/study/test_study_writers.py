@@ -309,7 +309,7 @@ def test_a_rehearsal_uses_nothing_up(real):
     assert session.run() == ""
     real.finish(session)
     session.close()
-    assert session.rehearsal
+    assert session.state.rehearsal
     assert all(r["rehearsal"] and r["simulated"] for r in session.state.past)
     assert [e.kind for e in real.trail()[trail:]] == ["rehearsal"]
     assert (list(real.sessions()), list(real.participants())) == ([], ["P01"])

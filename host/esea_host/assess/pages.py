@@ -221,16 +221,9 @@ def confusion_picture(result: Mapping[str, Any]) -> Figure:
         ax.grid(False)
         for (i, j), n in np.ndenumerate(counts):
             if n:
-                ax.text(
-                    j,
-                    i,
-                    f"{n:.0f}",
-                    ha="center",
-                    va="center",
-                    fontsize=8.5,
-                    # The map is the same by night: so are its numbers, none of the page's colours.
-                    color="#fefefe" if share[i, j] > 0.55 else "#111111",
-                )
+                # The map is the same by night: so are its numbers, none of the page's colours.
+                colour = "#fefefe" if share[i, j] > 0.55 else "#111111"
+                ax.text(j, i, f"{n:.0f}", ha="center", va="center", fontsize=8.5, color=colour)
         ax.set_xticks(range(counts.shape[1]), result["answers"], rotation=45, ha="right")
         ax.set_yticks(range(counts.shape[0]), result["categories"])
         ax.set(

@@ -166,15 +166,13 @@ class MovementWatch:
         events = []
         if self._far:
             end_s = self._still_s - WINDOW_S / 2
-            events = [MovementEvent("moved", now_s, segment=self._segment(start_s, end_s))]
+            t, *others = np.array(self._rows).T
+            kept = t >= start_s - LEAD_S
+            segment = Segment(start_s, end_s, t[kept], *(x[kept] for x in others))
+            events = [MovementEvent("moved", now_s, segment=segment)]
         self._begin = None
         self._drop(self._low)
         return events
-
-    def _segment(self, begin_s: float, end_s: float) -> Segment:
-        t, *others = np.array(self._rows).T
-        kept = t >= begin_s - LEAD_S
-        return Segment(begin_s, end_s, t[kept], *(x[kept] for x in others))
 
     def _drop(self, count: int) -> None:
         del self._rows[:count], self._sums[:count]

@@ -176,15 +176,9 @@ def diverging_bars(survey: Survey) -> Figure:
             for count, colour in zip(q.counts, COLOURS, strict=True):
                 axes.barh(row, count, left=left, color=colour, height=0.66)
                 if count:
-                    dark = colour in (COLOURS[0], COLOURS[-1])
-                    axes.text(
-                        left + count / 2,
-                        row,
-                        str(count),
-                        ha="center",
-                        va="center",
-                        color="white" if dark else INK,
-                    )
+                    ink = "white" if colour in (COLOURS[0], COLOURS[-1]) else INK
+                    at = left + count / 2
+                    axes.text(at, row, str(count), ha="center", va="center", color=ink)
                 left += count
         names = [f"{q.name}  (mean {q.mean:+.1f})" for q in survey.questions]
         axes.set_yticks(rows, names)

@@ -97,12 +97,10 @@ def write_list(path: Path, envelopes: Sequence[Envelope], secret: bytes) -> None
     text.write(_HEAD + f"# seed: {secret.hex()}\n")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([f.name for f in fields(Envelope)])
-    writer.writerows([e.stratum, e.place, e.group, shown_code(e.code)] for e in envelopes)
+    for e in envelopes:
+        code = "-".join(e.code[k : k + 4] for k in range(0, len(e.code), 4))
+        writer.writerow([e.stratum, e.place, e.group, code])
     write_secret(path, text.getvalue())
-
-
-def shown_code(code: str) -> str:
-    return "-".join(code[k : k + 4] for k in range(0, len(code), 4))
 
 
 def code_in(path: Path, stratum: str, place: int) -> str:
@@ -172,9 +170,6 @@ class Allocations:
     def stratum(self, code: str) -> str:
         return str(self._strata[code])
 
-    def next_place(self, stratum: str) -> int:
-        return 1 + [d["stratum"] for d in self._opened.values()].count(stratum)
-
     def places(self) -> int:
         return sum(int(e.data["places"]) for e in self.lists)
 
@@ -242,7 +237,7 @@ class Allocations:
     def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:
         """Open the next place of the participant's stratum, by its code or the sealed list."""
         stratum = self._strata[code]
-        place = self.next_place(stratum)
+        place = 1 + [d["stratum"] for d in self._opened.values()].count(stratum)
         committed = [seal for made in self.lists for seal in self._seals(made)[stratum]]
         if not self.lists:
             raise UserError(

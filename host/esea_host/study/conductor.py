@@ -116,7 +116,8 @@ class Conductor(SessionWatcher):
         self.study, self.source, self.speed, self.hold = study, session.source, speed, hold
         self._session, self.plan = session, session.state.plan
         self.code, self.number = session.state.participant, self.plan.session
-        marks = {"rehearsal": session.rehearsal, "simulated": session.simulated or study.simulated}
+        simulated = session.state.simulated or study.simulated
+        marks = {"rehearsal": session.state.rehearsal, "simulated": simulated}
         # Both windows show it all the time.
         self.banner = "_".join(m for m, on in marks.items() if on)
         self.states: Mapping[int, str] = dict(session.state.states)
@@ -182,7 +183,7 @@ class Conductor(SessionWatcher):
         """On the study's record when this returns, whatever the session does."""
         about = {"participant": self.code, "session": self.number}
         about |= {"trial": self.trial.number if self.trial else None}
-        about |= {"rehearsal": True} if self._session.rehearsal else {}
+        about |= {"rehearsal": True} if self.state.rehearsal else {}
         said = {"severity": severity, "relation": relation, "action": action, "text": text}
         self.study.record("adverse", **about, **said)
         self._remarks.put(partial(self._session.say, "adverse", severity=severity))

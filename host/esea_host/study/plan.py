@@ -93,6 +93,9 @@ def build_plan(protocol: Protocol, index: int, session: int, group: str | None =
             name = f"{block.name} {copy + 1}" if block.copies > 1 else block.name
             for k, row in enumerate(_ordered(block, rng)):
                 task = task_named(block.task, protocol.origin)
+                given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
+                # With the defaults: the log says all that the trial ran with.
+                values = task.Parameters.model_validate_json(json.dumps(given))
                 trials.append(
                     PlannedTrial(
                         number=len(trials) + 1,
@@ -100,7 +103,7 @@ def build_plan(protocol: Protocol, index: int, session: int, group: str | None =
                         task=task.name,
                         version=task.version,
                         condition=condition,
-                        parameters=_parameters(protocol, task, condition, block, row),
+                        parameters=dict(values.model_dump(mode="json")),
                         catch=row.catch,
                         familiarisation=block.familiarisation,
                         rest_before_s=block.between_s if k else block.rest_s,
@@ -118,15 +121,6 @@ def _ordered(block: TrialBlock, rng: np.random.Generator) -> Iterator[TrialRows]
     if block.order == "shuffled":
         middle = [middle[i] for i in rng.permutation(len(middle))]
     yield from (*each(block.first), *middle, *each(block.last))
-
-
-def _parameters(
-    protocol: Protocol, task: StudyTask, condition: str, block: TrialBlock, row: TrialRows
-) -> dict[str, Any]:
-    given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
-    # With the defaults: the log says all that the trial ran with.
-    values = task.Parameters.model_validate_json(json.dumps(given))
-    return dict(values.model_dump(mode="json"))
 
 
 def explain(protocol: Protocol) -> str:

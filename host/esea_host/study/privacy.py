@@ -116,6 +116,7 @@ _ABOUT_PEOPLE = re.compile(
     r"(^|_)(age|birth\w*|born|sex|gender|height|mass|weight|name|initials|address|city|site|centre|"
     r"hand\w*|diagnos\w*|race|ethnic\w*|occupation|date|time_of_day)(_|$)"
 )
+_PLAIN = re.compile(r"[-+\d.eE]+|True|False|true|false|n/a")
 _OURS = ("participant", "participant_id", "filename", "trial_type")  # codes, names of events
 FEW = 5
 SHOWN = 6
@@ -143,7 +144,7 @@ def findings(
         for column, value, who in _cells_of(path):
             holders.setdefault((path.suffix, column), {}).setdefault(value, set()).add(who)
     for (_, column), values in holders.items():
-        texts = sorted(v for v in values if v not in words and not _is_plain(v))
+        texts = sorted(v for v in values if v not in words and not _PLAIN.fullmatch(v))
         if texts and column not in _OURS:
             shown = ", ".join(repr(t[:60]) for t in texts[:SHOWN])
             found.append(f"column {column}: free text, {len(texts)} different: {shown}")
@@ -169,7 +170,3 @@ def _cells_of(path: Path) -> Iterator[tuple[str, str, str]]:
             whole: Mapping[str, Any] = json.loads(line)
             nested = ((k, v) for k, x in whole.items() if isinstance(x, list) for v in x)
             yield from ((k, v, whole["participant"]) for k, v in nested if isinstance(v, str))
-
-
-def _is_plain(value: str) -> bool:
-    return bool(re.fullmatch(r"[-+\d.eE]+|True|False|true|false|n/a", value))

@@ -174,14 +174,6 @@ class StudySession:
         self.source = source or SimulatedSource(0)
         self._may_run, self._content_hash = source is not None, self.state.content_hash
 
-    @property
-    def rehearsal(self) -> bool:
-        return self.state.rehearsal
-
-    @property
-    def simulated(self) -> bool:
-        return self.state.simulated
-
     def say(self, kind: str, /, **data: Any) -> None:
         """Write an event; it is on disk when this returns. Only in the session's thread."""
         self.log.append(self._offset_s + self.source.now_s(), kind, data)
@@ -308,8 +300,8 @@ class StudySession:
     def _whole_row(self, row: Row, trial: PlannedTrial) -> dict[str, Any]:
         about = {name: getattr(trial, name) for name in ABOUT - {"trial", "session"}}
         about |= {"trial": trial.number, "session": self.state.plan.session}
-        about["simulated"] = self.simulated
-        return about | ({ONLY_REHEARSED: True} if self.rehearsal else {}) | dict(row)
+        about["simulated"] = self.state.simulated
+        return about | ({ONLY_REHEARSED: True} if self.state.rehearsal else {}) | dict(row)
 
     def _end(self, number: int, state: str, reason: str, row: Row | None) -> None:
         self.say("trial_end", trial=number, state=state, reason=reason, row=row)

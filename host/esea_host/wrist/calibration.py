@@ -176,10 +176,6 @@ class StoredState(_Table):
     FE: NodeSpeeds
     RU: NodeSpeeds
 
-    @property
-    def neutral_deg(self) -> tuple[float, float]:
-        return self.neutral_fe_deg, self.neutral_ru_deg
-
     def axis(self, name: str) -> NodeSpeeds:
         return self.FE if name == "FE" else self.RU
 

@@ -129,7 +129,7 @@ class WristDisplay:
 
     def picture(self) -> DisplayPicture:
         state = self.calibration.state(self.applied) if self.calibration else None
-        neutral = state.neutral_deg if state else (0.0, 0.0)
+        neutral = (state.neutral_fe_deg, state.neutral_ru_deg) if state else (0.0, 0.0)
         axes = tuple(
             self._axis(a, x - n) for a, x, n in zip(AXES, self.angles_deg, neutral, strict=True)
         )
