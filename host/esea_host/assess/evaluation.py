@@ -194,10 +194,6 @@ def evaluate(
     """Assess newly drawn patients; the result does not depend on the number of workers."""
     if patients < len(data.diagnoses):
         raise UserError(f"patients: {patients}.", f"Give at least {len(data.diagnoses)}.")
-    if (jobs < 1 and jobs != -1) or seed < 0:
-        raise UserError(
-            f"workers: {jobs}, seed: {seed}.", "Give 1 or more, or -1 for all cores; a seed from 0."
-        )
     people = draw_groups(patients, seed, data.diagnoses)
     plain, pairs = assessed_hypotheses(data), assessed_hypotheses(data, mixed=True)
     work: list[tuple[Hypotheses, list[tuple[str, KneePatient]], int, Sequence[str]]] = [

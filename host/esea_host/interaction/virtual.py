@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from esea_host.study.many import code_of, run_everybody
 from esea_host.study.privacy import PRIVATE
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
-from esea_host.study.source import Gauge, InputSource
+from esea_host.study.source import Gauge, SimulatedSource
 from esea_host.study.task import Situation, StudyTask
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
@@ -31,22 +30,16 @@ PREFIX = "interaction."
 LAST_S = 45.0
 
 
-class RigSource(InputSource):
+class RigSource(SimulatedSource):
     """A person on the virtual rig, for a session; the encoder is recorded at 1 kHz."""
-
-    simulated = True
 
     def __init__(
         self, who: VirtualParticipant, folder: Path, pointer: Pointer | None = None
     ) -> None:
-        self.who, self.pointer, self.folder = who, pointer, folder
-        self.aims, self._past_s = [0.0], 0.0
+        super().__init__()
+        self.who, self.pointer, self.folder, self.aims = who, pointer, folder, [0.0]
         self._rigs: dict[str, ElementRig] = {}
         self._rig: ElementRig | None = None
-        self._player: RigPlayer | None = None
-
-    def ready(self) -> Mapping[str, Any]:
-        return {"simulated": True}
 
     def gauges(self) -> tuple[Gauge, ...]:
         """Torque of the element beside its full scale, and its angle as far as its law goes."""
@@ -67,20 +60,14 @@ class RigSource(InputSource):
             self._rigs[element] = ElementRig(element, self.who.limbs[0])
         rig = self._rig = self._rigs[element]
         rig.start()
-        self._player = RigPlayer(self.who, rig.advance, self.aims, situation, lambda: self.paused)
-        self._player.pointer = self.pointer
-        return self._player
-
-    def rest(self, seconds: float) -> None:
-        self._past_s, self._player = self.now_s() + seconds, None
-
-    def now_s(self) -> float:
-        return self._past_s + (self._player.time_s if self._player else 0.0)
+        player = RigPlayer(self.who, rig.advance, self.aims, situation, lambda: self.paused)
+        self._actor, player.pointer = player, self.pointer
+        return player
 
     def over(self, number: int, state: str) -> None:
         """Keep the recording of a trial that was completed."""
-        if state == COMPLETED and self._player is not None:
-            read, held = self._player.read, self._player.waited
+        if state == COMPLETED and self._actor is not None:
+            read, held = self._actor.read, self._actor.waited
             time_s = np.arange(1, len(read) + 1) / 1000
             write_recording(self.folder / recording_name(number), time_s, read, held, True)
 

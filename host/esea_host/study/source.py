@@ -149,9 +149,9 @@ class SimulatedSource(InputSource):
 
     simulated = True
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int = 0) -> None:
         self.seed, self._past_s = seed, 0.0
-        self._actor: _Timed | None = None
+        self._actor: Any = None  # of the trial; its time_s is the trial's
 
     def ready(self) -> Mapping[str, Any]:
         return {"simulated": self.simulated}
@@ -159,8 +159,8 @@ class SimulatedSource(InputSource):
     def trial(self, task: StudyTask, situation: Situation, number: int) -> Actor:
         self._past_s = self.now_s()
         rng = generator(self.seed, number, situation.seed)
-        self._actor = _Timed(task, of_task(task, task.simulate, situation, rng))
-        return self._actor
+        actor = self._actor = _Timed(task, of_task(task, task.simulate, situation, rng))
+        return actor
 
     def rest(self, seconds: float) -> None:
         self._past_s, self._actor = self.now_s() + seconds, None
