@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -161,29 +161,20 @@ def _compare(
     sides = _sides(values, task.groups)
     spring, elastomer, one, two = sides.values()
     effect = statistics.standardised_difference(spring, elastomer)
-    notes = []
-    parts: list[Any] = []
-    firsts = [FIRST[g] for g in task.groups]
-    seconds = [ELEMENTS[1 - ELEMENTS.index(e)] for e in firsts]
-    for name, run in (
-        ("cross-over", lambda: statistics.crossover(one, two, firsts, ELEMENTS)),
-        (
-            "mixed model",
-            lambda: statistics.mixed_model(
-                np.concatenate([one, two]),
-                task.people * 2,
-                firsts + seconds,
-                [1] * len(one) + [2] * len(two),
-                ELEMENTS,
-            ),
-        ),
-    ):
+    n, firsts = len(task.people), [FIRST[g] for g in task.groups]
+    by_block = np.concatenate([one, two]), task.people * 2
+    elements = [*firsts, *(ELEMENTS[1 - ELEMENTS.index(e)] for e in firsts)]
+    models: list[tuple[str, Callable[..., Any], tuple[Any, ...]]] = [
+        ("cross-over", statistics.crossover, (one, two, firsts)),
+        ("mixed model", statistics.mixed_model, (*by_block, elements, [1] * n + [2] * n)),
+    ]
+    notes, parts = [], []
+    for name, run, given in models:
         try:
-            parts.append(run())
+            parts.append(run(*given, ELEMENTS))
         except statistics.NoStatisticError as error:
             parts.append(None)
             notes.append(f"{name}: {error}")
-    n = len(task.people)
     return ElementComparison(
         task.task,
         metric.name,

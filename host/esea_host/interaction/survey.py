@@ -10,8 +10,9 @@ one row each.  Themes and tones are words; tones: positive, negative, neutral.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -292,49 +293,23 @@ def read_comments(path: Path) -> Comments:
             f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
             "Both code all of them.",
         )
-    return replace(_compared((*codes,), one, other, elements), read=table.report())
-
-
-def _compared(
-    coders: tuple[str, ...],
-    one: dict[tuple[str, str], str],
-    other: dict[tuple[str, str], str],
-    elements: dict[str, str],
-) -> Comments:
-    themes = sorted({theme for _, theme in (*one, *other)})
-    both = sorted(one.keys() & other.keys())
+    themes, both = sorted({t for _, t in (*one, *other)}), sorted(one.keys() & other.keys())
+    tally = Counter((w, elements[c], t, v) for w in codes for (c, t), v in codes[w].items())
     counts = {
-        coder: {
-            element: {
-                theme: {
-                    tone: sum(
-                        elements[c] == element and (t, v) == (theme, tone)
-                        for (c, t), v in given.items()
-                    )
-                    for tone in TONES
-                }
-                for theme in themes
-            }
-            for element in ELEMENTS
-        }
-        for coder, given in zip(coders, (one, other), strict=True)
+        w: {e: {t: {v: tally[w, e, t, v] for v in TONES} for t in themes} for e in ELEMENTS}
+        for w in codes
     }
-    differing = {c for c, _ in one.keys() ^ other.keys()} | {
-        c for c, t in both if one[c, t] != other[c, t]
-    }
+    coded = {t: [[str((c, t) in x) for c in elements] for x in (one, other)] for t in themes}
+    differing = {k[0] for k in one.keys() | other.keys() if one.get(k) != other.get(k)}
+    first, second = codes
     return Comments(
-        (coders[0], coders[1]),
+        (first, second),
         len(elements),
         counts,
-        {
-            theme: _kappa(
-                [str((c, theme) in one) for c in elements],
-                [str((c, theme) in other) for c in elements],
-            )
-            for theme in themes
-        },
+        {theme: _kappa(*pair) for theme, pair in coded.items()},
         _kappa([one[k] for k in both], [other[k] for k in both]),
         tuple(sorted(differing)),
+        table.report(),
     )
 
 
