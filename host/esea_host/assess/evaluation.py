@@ -81,26 +81,25 @@ def draw_groups(patients: int, seed: int, names: Sequence[str]) -> list[tuple[st
     root = EVALUATION + seed
     other = max(len(OUTSIDE_KINDS), patients // 4)
     levels = _levels(names)
-    out = []
-    for i in range(patients):
-        rng = np.random.default_rng([root, 0, i])
-        out.append(("inside", draw_category(names[i % len(names)], rng)))
-    for i in range(other):
-        rng = np.random.default_rng([root, 1, i])
-        out.append(("outside", draw_outside(OUTSIDE_KINDS[i % len(OUTSIDE_KINDS)], rng)))
+
+    def rng(group: int, i: int) -> np.random.Generator:
+        return np.random.default_rng([root, group, i])
+
+    kinds = len(OUTSIDE_KINDS)
+    out = [("inside", draw_category(names[i % len(names)], rng(0, i))) for i in range(patients)]
+    out += [("outside", draw_outside(OUTSIDE_KINDS[i % kinds], rng(1, i))) for i in range(other)]
     for i in range(max(4, patients // 10)):
-        rng = np.random.default_rng([root, 2, i])
         spastic = i % 2 == 0
         known = levels["S" if spastic else "D"]
         at = i // 2 % (len(known) - 1)
         level = 0.5 * (known[at] + known[at + 1])
         name = f"{'S' if spastic else 'D'}{level:g}"
-        who = draw(level if spastic else 0, 0 if spastic else level, rng, name)
-        out.append(("between", who))
+        both = (level, 0.0) if spastic else (0.0, level)
+        out.append(("between", draw(*both, rng(2, i), name)))
     for i in range(max(4, patients // 10)):
-        rng = np.random.default_rng([root, 3, i])
-        s, d = (float(rng.choice(levels[x][1:4])) for x in DISORDERS)
-        out.append(("mixed", draw(s, d, rng, f"S{s:g}+D{d:g}")))
+        drawn = rng(3, i)
+        s, d = (float(drawn.choice(levels[x][1:4])) for x in DISORDERS)
+        out.append(("mixed", draw(s, d, drawn, f"S{s:g}+D{d:g}")))
     return out
 
 

@@ -201,18 +201,14 @@ class ProbeTask(_KneeTask):
         passed = found is not None and found.passed
         if not passed and tries < TRIES:
             return TaskStep(again, scene, events=(TaskEvent("missed", {"tries": tries}),))
+        pairs = zip(found.locations, found.responses_Nm, strict=True) if found else ()
         row: dict[str, Any] = {
             "asked_rad": move.location.angle_rad,
             "asked_rad_s": move.location.rate_rad_s,
             "passed": passed,
             "distance": found.distance if found else None,
             "tries": tries,
-            "readings": [
-                [w.angle_rad, w.rate_rad_s, float(y)]
-                for w, y in zip(found.locations, found.responses_Nm, strict=True)
-            ]
-            if found
-            else [],
+            "readings": [[w.angle_rad, w.rate_rad_s, float(y)] for w, y in pairs],
             "error_Nm2": found.error_Nm2.tolist() if found else [],
         }
         session = assessment_of(state.parameters, state.past)

@@ -245,22 +245,21 @@ def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
     runs, people, hide = 0, [["participant_id"]], veil(study, labels)
     simulated = study.simulated
     for new, old in new_codes(study).items():
-        for code, number, path in study.sessions():
-            if code == old:
-                try:
-                    study.read(code, number, path)
-                    done = [t for t in traces(path) if t.samples]
-                except UserError as error:
-                    study.leave_out(path, error)
-                    continue
-                if not done:
-                    continue
-                people += [[f"sub-{new}"]] if people[-1] != [f"sub-{new}"] else []
-                place = out / f"sub-{new}" / f"ses-{number + 1}"
-                names = [_write_run(place, new, number + 1, t, simulated) for t in done]
-                rows = [hide(t.row) for t in done]
-                _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done, rows)
-                runs += len(done)
+        for code, number, path in study.sessions(old):
+            try:
+                study.read(code, number, path)
+                done = [t for t in traces(path) if t.samples]
+            except UserError as error:
+                study.leave_out(path, error)
+                continue
+            if not done:
+                continue
+            people += [[f"sub-{new}"]] if people[-1] != [f"sub-{new}"] else []
+            place = out / f"sub-{new}" / f"ses-{number + 1}"
+            names = [_write_run(place, new, number + 1, t, simulated) for t in done]
+            rows = [hide(t.row) for t in done]
+            _scans(place / f"sub-{new}_ses-{number + 1}_scans.tsv", names, done, rows)
+            runs += len(done)
     write_tsv(out / "participants.tsv", people)
     file = study.protocol.file
     about = {

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -42,13 +44,9 @@ class BoardRecordings:
             log = self._log(path)
             warn_unless_complete(path, log.integrity)
             begins = log.events("trial")
-            for k, e in enumerate(begins):
-                until = begins[k + 1]["log_ns"] if k + 1 < len(begins) else None
-                ends = [
-                    x
-                    for x in log.events("trial_end")
-                    if x["log_ns"] >= e["log_ns"] and (until is None or x["log_ns"] <= until)
-                ]
+            for e, after in zip_longest(begins, begins[1:]):
+                until = after["log_ns"] if after else math.inf
+                ends = [x for x in log.events("trial_end") if e["log_ns"] <= x["log_ns"] <= until]
                 end = (ends[0]["board_ns"], ends[0]["state"]) if ends else (None, "")
                 self.attempts.append(TrialAttempt(e["number"], path, e["board_ns"], *end))
 

@@ -149,12 +149,8 @@ class Track(_WristTask):
         shapes = (dot("target", *place(p.axis, target), 4.0), dot("cursor", x, y, 2.5))
         outcome = None
         if shown >= times[-1]:
-            taken = {
-                "time_s": state.times,
-                "cursor_deg": state.cursors,
-                "target_deg": state.targets,
-            }
-            outcome = TrialOutcome(_about(p) | {k: list(v) for k, v in taken.items()})
+            taken = {"time_s": list(state.times), "cursor_deg": list(state.cursors)}
+            outcome = TrialOutcome(_about(p) | taken | {"target_deg": list(state.targets)})
         return TaskStep(state, Scene(shapes, (Text("follow"),), 90.0), requests(p), (), outcome)
 
     def _get_ready(self, state: Tracking, time_s: float, here: tuple[float, float]) -> TaskStep:
