@@ -151,8 +151,6 @@ def _description(model: ExportedModel, fmi: Version, token: str) -> str:
 
 @dataclass(frozen=True)
 class Fmu:
-    """A Functional Mock-up Unit in memory."""
-
     model: ExportedModel
     fmi: Version
     files: dict[str, bytes]

@@ -109,8 +109,6 @@ FORMS = {
 
 @dataclass(frozen=True)
 class WrittenLibrary:
-    """A library as it was written."""
-
     folder: Path
     files: dict[str, str] = field(repr=False)
     digest: str

@@ -27,8 +27,6 @@ ANGLES = ("theta_g_rad", "theta_m_rad", "theta_l_rad")
 
 @dataclass(frozen=True)
 class ModelVariable:
-    """A number that the importing tool sees."""
-
     name: str
     reference: int
     role: Role  # ``tunable`` may be set between steps, ``fixed`` until initialization ends

@@ -76,7 +76,6 @@ _MEMBERS = ("debian-binary", "control.tar.gz", "data.tar.gz")
 
 
 def ipk(control: Mapping[str, str], files: Mapping[str, tuple[bytes, int]]) -> bytes:
-    """Bytes of a package."""
     told = "".join(f"{name}: {value}\n" for name, value in control.items()).encode()
     parts = (
         b"2.0\n",

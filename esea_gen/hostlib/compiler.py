@@ -83,7 +83,6 @@ def run_tool(
 
 
 def write_texts(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files by their relative paths."""
     for name, text in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -58,14 +58,12 @@ class HostLibrary:
         return CBoard(self, tunables)
 
     def block(self, name: str) -> CRunner:
-        """A compiled Block."""
         block: Block = next(b for b in self.system.kinds if b.name == name)
         groups = ("in", block.inputs), ("out", block.outputs), ("state", block.state)
         fields = ([block_field(self.naming, block, g, p) for p in ports] for g, ports in groups)
         return CRunner(self, name, block, *fields)
 
     def task(self, name: str) -> CRunner:
-        """A compiled task."""
         system, task = self.system, self.system.task(name)
         groups = (system.task_inputs(task), system.task_outputs(task))
         inputs, outputs = ([external_field(self.naming, x) for x in group] for group in groups)
@@ -225,7 +223,6 @@ class CRunner:
         )
 
     def step(self, **inputs: Any) -> dict[str, Any]:
-        """One step."""
         outputs, _ = self.run({k: np.asarray(v)[None] for k, v in inputs.items()}, trace=False)
         return {k: v[0] for k, v in outputs.items()}
 

@@ -113,8 +113,6 @@ def d_optimal(
 
 @dataclass(frozen=True)
 class Advice:
-    """Next experiment and its expected information."""
-
     title: str
     motions: tuple[tuple[int, CommandedMotion], ...]  # in the order of choice, each with how often
     sigma_now: dict[str, float]

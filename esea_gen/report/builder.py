@@ -23,8 +23,6 @@ from esea_gen.verify.verdict import Verification
 
 @dataclass(frozen=True)
 class Report(Findings):
-    """Findings about a device, as JSON, as lines of text and as a page."""
-
     @property
     def kind(self) -> ModuleType:
         """Whose sections: of the closed loop where there is a law."""

@@ -102,7 +102,6 @@ def run_board(
     say: Say,
     ticks: int = TICKS,
 ) -> BoardRun:
-    """Results of a device's firmware on a board."""
     known = firmware_boards()
     title = known[board].title if board in known else ""
 

@@ -24,7 +24,6 @@ class PageSection(NamedTuple):
 
 @cache
 def environment() -> jinja2.Environment:
-    """Jinja environment of pages, with filters for numbers."""
     env = pages.environment()
     env.filters |= {
         "num": number,

@@ -40,8 +40,6 @@ FUNCTIONAL_Hz, FUNCTIONAL_CYCLES = 0.2, 10  # five repetitions of four compressi
 
 
 class Measures:
-    """Cache of computed values."""
-
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
         self._errors: dict[tuple[str, str], dict[str, dict[str, Any]]] = {}

@@ -63,7 +63,6 @@ class OffTable:
 
     @property
     def sound(self) -> bool:
-        """Whether every run came to its end."""
         return all(d.sound for d in self.done)
 
     def cases(self) -> list[dict[str, Any]]:

@@ -40,8 +40,6 @@ class ChainError:
 
 @dataclass(frozen=True)
 class ChainReport:
-    """The search's result."""
-
     device: str
     full_scale_Nm: float
     trials: int
@@ -56,7 +54,6 @@ class ChainReport:
         )
 
     def table(self) -> list[str]:
-        """Lines of text."""
         lines = [
             f"sensing task against f64, worst of {self.trials} searched motions (reach and rest); "
             f"searched, not proven; "

@@ -49,7 +49,6 @@ def compare(
     rule: StepJudge | None = None,
     expected: Run | None = None,
 ) -> Comparison:
-    """Compare one Block on one stream."""
     wanted = expected or run_symbolic(block, stream)
     got = run_c(library.block(block.name), stream)
     lasting, beyond = bounds.get(PORT_RANGES), 0

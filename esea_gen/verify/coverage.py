@@ -72,8 +72,6 @@ class Decision:
 
 @dataclass
 class Coverage:
-    """Branch coverage of a Block's step in one number format."""
-
     block: str
     real: str
     streams: tuple[str, ...]
@@ -82,12 +80,10 @@ class Coverage:
 
     @property
     def sides(self) -> int:
-        """Number of sides that can be taken."""
         return sum(len(d.seen) - len(d.proofs) - len(d.detectors) for d in self.decisions)
 
     @property
     def excluded(self) -> list[str]:
-        """Sides proven impossible, each with its proof."""
         return [
             f"{d.where}: {d.op}, {side}: {proof}"
             for d in self.decisions
@@ -105,16 +101,13 @@ class Coverage:
 
     @property
     def uncovered(self) -> list[str]:
-        """Sides that the streams miss, each with its place."""
         return [f"{d.where}: {d.op} never '{s}'" for d in self.decisions for s in d.missing]
 
     @property
     def ratio(self) -> float:
-        """Share of the possible sides that were taken."""
         return 1.0 - len(self.uncovered) / self.sides if self.sides else 1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "block": self.block,
             "format": self.real,

@@ -93,7 +93,6 @@ def _choose(condition: Array, x: Array, y: Array | np.floating[Any]) -> Array:
 
 
 def operation(node: Node, args: list[Array], fmt: Format, kernel: Kernel) -> Array:
-    """One operation of a kernel on its operands."""
     op = node.op
     if op == "not":
         return ~_truth(args[0])
@@ -317,7 +316,6 @@ class Setup:
 
 
 def expected_setup(block: Block, fmt: Format) -> Setup:
-    """Expected results of a Block's ``prepare`` and ``init``."""
     rng = np.random.default_rng(7)
     count = len(block.tunables)
     shares = [np.full(count, s) for s in SHARES] + [*rng.random((RANDOM_SETTINGS, count))]

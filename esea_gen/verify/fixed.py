@@ -77,7 +77,6 @@ class RawExecutor:
         return places, count
 
     def initial(self) -> dict[str, Raw]:
-        """Raw state after ``init``."""
         return _columns(self.plan.fields["state"], run_lowered(self.plan.init, self._fixed(1), 1))
 
     def steps(
@@ -103,7 +102,6 @@ def _raw(f: FieldPlan, values: Any) -> Array:
 
 
 def raw_stream(plan: BlockPlan, stream: Stream) -> dict[str, Raw]:
-    """A stream as raw inputs."""
     return {f.port.name: _raw(f, stream.inputs[f.port.name]) for f in plan.fields["in"]}
 
 
@@ -156,7 +154,6 @@ def single_steps(
     before: Mapping[str, Raw],
     computed: Mapping[str, ex.Array] | None = None,
 ) -> SingleSteps:
-    """Evaluate every step of a recorded run in exact arithmetic."""
     if computed is None:
         computed, _ = RawExecutor(plan).places(before, raw_stream(plan, stream))
     block, kernel = plan.block, plan.step.kernel
@@ -245,7 +242,6 @@ def first_difference(
 def compare_fixed(
     device: Device, plan: BlockPlan, runner: CRunner, stream: Stream, bound: Bound
 ) -> Comparison:
-    """Compare one Block on one stream."""
     block = plan.block
     runner.reset()
     difference, raw_y, raw_s, computed = first_difference(plan, runner, stream)

@@ -28,8 +28,6 @@ STREAM_STEPS = 300
 
 @dataclass(frozen=True)
 class BlockResult:
-    """One Block on all its streams."""
-
     block: str
     proven_for: str
     proven: float
@@ -52,8 +50,6 @@ class SignalResult:
 
 @dataclass
 class FixedReport:
-    """All that was compared."""
-
     device: str
     blocks: list[BlockResult]
     signals: list[SignalResult] = field(default_factory=list)
@@ -63,7 +59,6 @@ class FixedReport:
 
     @property
     def passed(self) -> bool:
-        """Whether all bits agree, no error is above its bound and the torque is within the aim."""
         return (
             not any(b.problems for b in self.blocks)
             and all(s.share <= AIM_SHARE for s in self.signals)
@@ -73,11 +68,9 @@ class FixedReport:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return asdict(self) | {"aim_share": AIM_SHARE, "passed": self.passed}
 
     def table(self) -> list[str]:
-        """Lines of text."""
         lines = [f"{self.device} in q31, shares of the ports' ranges"]
         lines.append(f"{'block':16} {'proven':>9} {'for':>9} {'measured':>9} {'64 bit':>7}  bits")
         for b in self.blocks:
@@ -140,7 +133,6 @@ def published_motions(device: Device) -> Iterator[tuple[str, Array]]:
 
 
 def compare_signal(device: Device, name: str, theta_rad: Array) -> SignalResult:
-    """The sensing task in q31 against f64."""
     task = device.system.tasks[0]
     inputs = {x.name: theta_rad for x in device.system.task_inputs(task)}
     got, exact = (

@@ -60,8 +60,6 @@ TARGETS = {p.name: p for p in PROCESSORS.values() if p.stack_limit_bytes is not 
 
 @dataclass(frozen=True)
 class GateReport:
-    """Results of the gates on one target."""
-
     device: str
     real: str
     target: str
@@ -72,16 +70,13 @@ class GateReport:
 
     @property
     def passed(self) -> bool:
-        """Whether all gates hold."""
         return not self.problems
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return asdict(self) | {"passed": self.passed}
 
 
 def find_target(name: str) -> Processor:
-    """A processor that the gates know, by name."""
     if name not in TARGETS:
         listed = "; ".join(f"{t.name} ({t.full_title})" for t in TARGETS.values())
         near = nearest(name, TARGETS)
@@ -212,8 +207,6 @@ _LONGEST_S = 60.0
 
 @dataclass(frozen=True)
 class ExampleRun:
-    """Output of the example program."""
-
     agree: int
     checked: int
     held: int
@@ -245,7 +238,6 @@ def run_example(files: Mapping[str, str], real: str, quick: bool = False) -> Exa
 
 
 def judged(said: str, code: int) -> ExampleRun:
-    """Verdict on an example program's output and exit code."""
     agree, checked = _count(_SAMPLES, said)
     held, asked = _count(_LATCH, said)
     problems = []

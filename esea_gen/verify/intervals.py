@@ -20,19 +20,15 @@ from esea_gen.verify.executor import operation
 
 @dataclass(frozen=True)
 class Interval:
-    """Possible values of a computed value."""
-
     low: float
     high: float
     nan: bool = False
 
     @property
     def settled(self) -> bool:
-        """Whether it is one number."""
         return self.low == self.high and not self.nan
 
     def inside(self, low: float, high: float) -> Interval:
-        """Part of this interval between two numbers."""
         return Interval(max(self.low, low), min(self.high, high), self.nan)
 
 
@@ -153,7 +149,6 @@ class _Evaluator:
 
 
 def node_interval(kernel: Kernel, fmt: Format, n: Node, v: Sequence[Interval]) -> Interval:
-    """Interval of one comparison or logical operation."""
     return _Evaluator(kernel, fmt).one(n, v)
 
 
@@ -163,7 +158,6 @@ def computed_intervals(
     arguments: Sequence[Sequence[Interval]],
     undecided: Collection[int] = (),
 ) -> list[Interval]:
-    """Intervals of every value that a kernel computes."""
     everything = Kernel(kernel.name, kernel.nodes, (tuple(range(len(kernel.nodes))),))
     fused = fuse_selects(everything)
     work = _Evaluator(fused, fmt)

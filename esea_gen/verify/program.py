@@ -31,7 +31,6 @@ def program_streams(program: Program, seed: int = 1, steps: int = STEPS) -> list
 def compare_program(
     device: Device, program: Program, library: HostLibrary, stream: Stream, expected: Run
 ) -> Comparison:
-    """Compare a Program's C with its executor on one stream."""
     got = run_c(library.block(program.name), stream)
     scale = full_scales(device, program)
     exact = library.real == "f64"

@@ -29,8 +29,6 @@ SSE = ("-msse2", "-mfpmath=sse")
 
 @dataclass(frozen=True)
 class EvaResult:
-    """Result of the value analysis of one Block."""
-
     device: str
     block: str
     alarms: tuple[str, ...]
@@ -41,7 +39,6 @@ class EvaResult:
 
     @property
     def proven(self) -> bool:
-        """Whether there is no alarm, nothing unproven, and something was analysed."""
         return not self.alarms and not self.unproven and self.statements > 0
 
 
@@ -51,7 +48,6 @@ def prove_block(
     change: Callable[[str, str], str] | None = None,
     narrow: bool = False,
 ) -> EvaResult:
-    """Analyse the emitted C of one Block."""
     renderer = Renderer(
         device.system, FORMATS["q31"], format_hash(device, "q31"), "-", device.title
     )

@@ -53,7 +53,6 @@ class CasadiOracle:
     def run(
         self, block: Block, coefficients: list[Array], state: list[Array], stream: Stream
     ) -> Run:
-        """Run a Block's step over a stream."""
         ffi, function = self.ffi, getattr(self.lib, f"{self.stem}_{block.name}_step")
         sizes = [ffi.new("int*") for _ in range(4)]
         getattr(self.lib, f"{self.stem}_{block.name}_step_work")(*sizes)
@@ -153,7 +152,6 @@ def run_symbolic(block: Block, stream: Stream) -> Run:
 
 
 def run_executor(program: Program, stream: Stream) -> Run:
-    """A stream through the executor."""
     simulator = program.simulator()
     y: dict[str, list[Array]] = {p.name: [] for p in program.outputs}
     s: dict[str, list[Array]] = {p.name: [] for p in program.state}

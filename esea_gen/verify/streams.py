@@ -113,7 +113,6 @@ def streams(block: Component, seed: int = 1, steps: int = 3000) -> list[Stream]:
 
 
 def inside(stream: Stream, limits: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether a stream's inputs stay inside ranges."""
     return all(
         bool(np.all((stream.inputs[k] >= low) & (stream.inputs[k] <= high)))
         for k, (low, high) in limits.items()

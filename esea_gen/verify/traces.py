@@ -38,8 +38,6 @@ ACCEPT = "Accept with: esea-gen traces accept"
 
 @dataclass(frozen=True)
 class TracePart:
-    """A stretch of the stream."""
-
     name: str
     duration_s: float
 
@@ -139,7 +137,6 @@ def _piece(part: TracePart, s: Array, reach: float, high: float, top_Hz: float, 
 
 
 def run_trace(device: Device) -> Trace:
-    """Run a device's symbolic System over its trace stream."""
     system = device.system
     columns = scalars(system.outputs)
     flags = {n: tuple(f.name for f in x.port.flags) for n, x, _ in columns if x.port.flags}
@@ -181,7 +178,6 @@ def _read(text: str) -> tuple[list[str], dict[str, Array]]:
 
 
 def differences(trace: Trace, text: str) -> list[str]:
-    """Differences between a trace and a stored one, in words."""
     try:
         names, old = _read(text)
         steps = old["step"]
@@ -271,12 +267,10 @@ def _compared(
 
 
 def check_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
-    """Compare every System with its stored trace."""
     return [line for _, _, lines in _compared(folder, devices) for line in lines]
 
 
 def accept_traces(folder: Path, devices: Mapping[str, Device] | None = None) -> list[str]:
-    """Store the present behaviour where it differs from the stored one."""
     found = []
     for path, trace, lines in _compared(folder, devices):
         if trace is None:

@@ -40,8 +40,6 @@ LINE_END = re.compile("\r\n|\r|\n")
 
 @dataclass(frozen=True)
 class SteadyRun:
-    """A run at one speed."""
-
     name: str
     omega_rad_s: Array  # at the motor shaft, shape (n,)
     tau_Nm: Array

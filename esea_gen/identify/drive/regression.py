@@ -52,8 +52,6 @@ class Estimate:
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Coefficients, their covariance, and residuals."""
-
     values: Array
     covariance: Array
     residual: Array

@@ -236,7 +236,6 @@ def identify_member(
     data_folder: str | Path | None = None,
     progress: Progress | None = None,
 ) -> FamilyIdentification:
-    """Identify a device whose torque model is a member of the family."""
     tell: Progress = progress or (lambda share, text: None)
     tell(0.0, "reading")
     member = _member_named(name)

@@ -119,8 +119,6 @@ BATCH = 64  # points between two words of progress
 
 @dataclass(frozen=True)
 class PresentBest:
-    """The best of a search so far."""
-
     cost: float  # mean over data sets of the mean square error, Nm^2
     curve: Array  # RMS error after so many points, at each improvement; shape (improvements, 2)
     sets: tuple[tuple[Array, Array, Array], ...]  # deflection, torque, modelled

@@ -106,7 +106,6 @@ class ChannelNumber:
 
     @property
     def note(self) -> str:
-        """For the reader of the identification."""
         unit, factor, what = SAID[self.key]
         found = ""
         if self.found is not None and self.sigma is not None:

@@ -138,8 +138,6 @@ LEAST_CONDITIONS = 3
 
 @dataclass(frozen=True)
 class Split:
-    """Recordings, divided into training and held-out data."""
-
     condition: str  # what judges; of the file's own division "last cycles" or "as declared"
     recordings: tuple[Recording, ...]
     declared: bool  # whether it is the file's own division

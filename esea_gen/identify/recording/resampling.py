@@ -103,8 +103,6 @@ def rests_on_one(
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Results of leaving blocks out."""
-
     covariance: Array  # of the parameters, in their own units
     band_Nm: float  # half width that holds 95 % of the torque errors in blocks left out
     friction_Nm: float | None  # that the model has not

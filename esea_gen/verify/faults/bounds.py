@@ -34,7 +34,6 @@ RUN_OUT |= {"250 Nm/rad": 4.5, CLAMPED: 4.5}
 
 
 def envelope(device: Device) -> LimbEnvelope:
-    """From ``safety.tau_max_Nm`` and ``safety.energy_J``."""
     safety = device.file.safety
     if safety is None:
         raise UserError(f"{device.origin}: no section [safety].", "Give a device with limits.")

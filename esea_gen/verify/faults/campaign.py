@@ -32,8 +32,6 @@ DEFAULT_RUNS = 2000
 
 @dataclass(frozen=True)
 class FaultRow:
-    """All runs of a place and kind."""
-
     place: str
     kind: str
     runs: int
@@ -51,8 +49,6 @@ class FaultRow:
 
 @dataclass(frozen=True)
 class FaultRun:
-    """One fault and its result."""
-
     input: str
     kind: str
     amount: float
@@ -87,7 +83,6 @@ class FaultCampaign:
 
     @property
     def outside(self) -> list[FaultRun]:
-        """Runs that broke a bound."""
         return [r for r in self.runs if not r.inside]
 
     def rows(self) -> list[FaultRow]:
@@ -101,7 +96,6 @@ class FaultCampaign:
         return sorted(rows, key=lambda r: -r.peak_torque_Nm)
 
     def markdown(self) -> list[str]:
-        """The table by place and kind."""
         heads = (
             "where", "what", "runs", "found", "bound, ticks", "latest", "until then, Nm",
             "peak, Nm", "of whom", "energy, J", "not found: peak, Nm", "energy, J",
@@ -117,7 +111,6 @@ class FaultCampaign:
         return lines
 
     def table(self) -> list[str]:
-        """The table, with its notes."""
         found = sum(r.detected for r in self.runs)
         late = [r for r in self.runs if r.bound_ticks is not None]
         e = self.envelope
@@ -162,7 +155,6 @@ class FaultCampaign:
         return fault_picture(self.device, self.rows(), self.envelope.run_out_Nm)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "simulated": True,
             "device": self.device,

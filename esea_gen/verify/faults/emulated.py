@@ -34,7 +34,6 @@ class EmulatedFault:
 
     @property
     def same(self) -> bool:
-        """Whether both did the same."""
         return self.first_difference is None and self.fault == self.emulated
 
 

@@ -78,7 +78,6 @@ def felt_by(
     halts: bool,
     ticks: Sequence[int],
 ) -> dict[str, float]:
-    """One run, as the workers call it."""
     at = drawn_moment(random.Random(seed), person)
     scene = drawn_scene(person, seed, halts)
     return felt_in(loaded(device, controller), scene, BoardFault(**fault), at, seed, ticks)
@@ -143,7 +142,6 @@ class PeopleTable:
     people: list[dict[str, Any]]
 
     def table(self) -> list[str]:
-        """Markdown."""
         more = ("found", "latest_ticks", "unfound_Nm", "energy_J") if self.what == ENCODERS else ()
         titles = ["latest, ticks" if k == "latest_ticks" else k.replace("_", ", ") for k in more]
         heads = ["", *self.people[0]["torque_Nm"], *titles]

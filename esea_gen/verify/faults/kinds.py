@@ -40,8 +40,6 @@ CLOCK_KINDS = {"lost ticks": (1, 2, 7, 60), "control starved": (5, 10, 25, 60, 2
 
 @dataclass(frozen=True)
 class BoardFault:
-    """One thing that breaks."""
-
     place: str
     kind: str
     amount: float = 0.0
@@ -50,7 +48,6 @@ class BoardFault:
 
     @property
     def input(self) -> str:
-        """Name in the table."""
         return f"{self.place}.{self.word}" if self.word else self.place
 
 

@@ -44,8 +44,6 @@ REST = 0.3  # what a second axis moves of that: deviation has a third of flexion
 
 @dataclass(frozen=True)
 class FaultScene:
-    """Activity of drive and person at the time of the fault."""
-
     name: str
     person: str
     mode: float
@@ -135,8 +133,6 @@ class RigPlant:
 
 @dataclass(frozen=True)
 class Felt:
-    """Effect of one fault on the person."""
-
     found_ticks: int | None
     reason: int
     torque_then_Nm: float
@@ -163,7 +159,6 @@ class FaultRig:
         self._encoders = [k for k, n in enumerate(self.measured) if n.startswith("count_")]
 
     def close(self) -> None:
-        """Let go of the board."""
         self.board.close()
 
     def _distortions(self, fault: BoardFault | None) -> dict[str, Distortion]:

@@ -16,8 +16,6 @@ DAMPING_RATIO = 0.4  # of a stiff arm, without which its own late reflex would s
 
 @dataclass(frozen=True)
 class Subject:
-    """Somebody in the joint."""
-
     person: Person
     reflex: bool = False
 

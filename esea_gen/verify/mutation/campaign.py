@@ -25,8 +25,6 @@ REQUIRED_SCORE = 0.95
 
 @dataclass
 class MutationReport:
-    """Results of the mutants."""
-
     device: str
     real: str
     tried: int = 0
@@ -49,7 +47,6 @@ class MutationReport:
         return self.killed / self.tried if self.tried else 1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready content."""
         return {
             "device": self.device,
             "format": self.real,

@@ -33,8 +33,6 @@ Elements = Sequence[tuple[int, int]]
 
 @dataclass(frozen=True)
 class Edit:
-    """One place of a kernel changed."""
-
     kind: str
     site: int
     now: Node | int
@@ -199,8 +197,6 @@ def kernel_edits(
 
 
 def describe(kernel: Kernel, names: dict[int, str], edit: Edit) -> str:
-    """The place in words: old and new text."""
-
     def atom(i: int) -> str:
         if i < 0:
             return text(edit.helpers[~i])

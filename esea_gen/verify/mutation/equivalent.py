@@ -32,8 +32,6 @@ class _Threshold:
 
 
 class Prover:
-    """Proofs for the mutants of one kernel."""
-
     def __init__(self, kernel: Kernel, fmt: Format, block: Block | None = None) -> None:
         self.kernel, self.fmt = kernel, fmt
         self.ranges: Mapping[int, Interval] = guarded_ranges(block, kernel, fmt) if block else {}
@@ -50,7 +48,6 @@ class Prover:
                 self.users[a].append(u)
 
     def __call__(self, edit: Edit) -> str:
-        """The proof, or nothing."""
         if edit.result is not None:
             return ""
         old = self.kernel.nodes[edit.site]
