@@ -92,7 +92,10 @@ def _ended(case: dict[str, Any], how: str) -> str:
     """A fault by its name, a failure by its reason."""
     if how == "fault":
         fault = Fault(int(case["fault_reason"]))
-        return f"latched {fault.name}, {FAULT_TEXT[fault]}"
+        after = " (after the trip, with the motor off)" if case["tripped"] else ""
+        return f"latched {fault.name}, {FAULT_TEXT[fault]}{after}"
+    if how == "tripped":
+        return "the drive tripped (speed, or effective torque of the motor)"
     return f"failed: {case[how]}" if how == "failure" else how
 
 

@@ -83,12 +83,19 @@ class Frequency(ClosedLoopStudy):
         return [Case(f"{SWEEP_NM:g} Nm", fixed_output("sweep of the torque", tau, 1000))]
 
     def keep(self, case: Case, run: ClosedLoopRun) -> FrequencyResponse:
-        desired = case.trajectory.tau_desired_Nm
-        return sweep_response(run.time_s, desired, run.plant["tau_e_Nm"], SWEEP)
+        # A motor that is off follows nothing: only up to there is the response the controller's.
+        w = case.trajectory.window
+        off = np.flatnonzero((run.plant["tripped"][w] > 0) | (run.controller["fault"][w] > 0))
+        on = slice(w.start + off[0] if len(off) else None)
+        desired, true = case.trajectory.tau_desired_Nm, run.plant["tau_e_Nm"]
+        return sweep_response(run.time_s[on], desired[on], true[on], SWEEP)
 
     def table(self, done: Simulation) -> list[str]:
         lines = super().table(done)
         for response in done.kept.values():
+            if done.ended():
+                last_Hz = response.frequency_Hz[-1]
+                lines.append(f"the motor went off: the response ends at {last_Hz:.3g} Hz")
             band, margins = response.bandwidth(), response.open_loop().margins()
             at = f"{band.bandwidth_Hz:.3g} Hz" if band.bandwidth_Hz else "beyond the sweep"
             lines.append(f"bandwidth (-3 dB of the {band.passband}): {at}")

@@ -239,6 +239,13 @@ def test_the_file_is_short_and_loads(monkeypatch, tmp_path):
     assert np.isfinite(device.sensor.simulator().step(theta_rad=0.1, omega_rad_s=0.0)["tau_Nm"])
 
 
+def test_the_published_law_is_made_where_no_lead_but_1_is_stable(tmp_path):
+    slow = answers(WRIST, 4e-5) | {"control_rate_Hz": 200}
+    (tmp_path / "mine.toml").write_text(short_text("mine", "elbow_mpc", slow))
+    smc = load_device(tmp_path / "mine.toml", "smc-published").system.blocks["smc"]
+    assert {t.name: t.high for t in smc.tunables}["lead"] == 1
+
+
 def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_path):
     said = asked(
         monkeypatch, tmp_path, typed="a lot\n0.35\n\n2.2\n40\n83\n50\n1.5\n3e-4\n\n\n\n250"

@@ -14,11 +14,12 @@ from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.studies import simulation as room
 from esea_gen.studies.registry import load_study
-from esea_gen.studies.responses import StepStudy
+from esea_gen.studies.responses import SWEEP, Frequency, StepStudy
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.judge import judge
+from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool
 from tests.typed import typed
@@ -203,6 +204,17 @@ def test_step_frequency_and_output_impedance():
     frequency_Hz = port.angle.frequency_Hz
     inertia = port.angle.gain / (2 * np.pi * frequency_Hz) ** 2
     assert inertia[frequency_Hz < 2].max() < 0.2 * 0.663
+
+
+def test_a_frequency_response_ends_where_the_drive_trips():
+    (case,), trip = Frequency().cases(), 31_000
+    desired = case.trajectory.tau_desired_Nm
+    off = np.arange(len(desired)) >= trip
+    plant = {"tau_e_Nm": np.where(off, 0.0, desired), "tripped": 2 * off}
+    run = ClosedLoopRun(plant, {"fault": 0 * off}, np.arange(len(off)) * 1e-3)
+    response = Frequency().keep(case, run)
+    assert response.bandwidth().bandwidth_Hz is None
+    assert 4 < response.frequency_Hz[-1] < SWEEP.start_Hz + SWEEP.rate_Hz_s * 30
 
 
 @pytest.mark.parametrize(

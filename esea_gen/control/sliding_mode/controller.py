@@ -132,7 +132,8 @@ class _SlidingMode:
             ),
             Port("layer_s_rad", 0.0, 1.01e3, "1/phi", equation="(5.22)"),
             Port("margin", 1.0, MARGIN_HIGH, "factor on the switching gain", equation="(5.20)"),
-            Port("lead", 0.0, self.lead_high - 1, "gain against the motor's lag"),
+            # Always 0 where a lead of 1 is the only stable one; a port's range is not empty.
+            Port("lead", 0.0, self.lead_high - 1 or 1.0, "gain against the motor's lag"),
             Port("load_share", 0.0, 1.0, "share of the load's acceleration"),
             Port("friction_ahead", 0.0, 1.0, "share of the desired rate in the rate for friction"),
         )
