@@ -9,7 +9,7 @@ float32 it must stay within a derived bound.  Three rules, in this order:
     (:func:`~esea_gen.verify.bounds.forward_residual`), within the limit of its NOT_CONVERGED.
 ``any number of steps``
     The bound of a Block that forgets its errors.  Where a run breaks what a linear Block's assumes
-    (:mod:`esea_gen.verify.assumed`), it fails, or, if its stream is declared rough, is judged by:
+    (``verify.bounds.steps_beyond``), it fails, or, if its stream is declared rough, is judged by:
 ``one step, from the same memory``
     What each step adds (:mod:`esea_gen.verify.one_step`).  The deviation of a free run is
     reported, not bounded.
@@ -27,11 +27,9 @@ from esea_gen.errors import UserError, nearest
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream
-from esea_gen.verify.assumed import UNTRIED
-from esea_gen.verify.bounds import bounds_or_rule, full_scales
-from esea_gen.verify.compare import compare
+from esea_gen.verify.bounds import UNTRIED, bounds_or_rule, full_scales
+from esea_gen.verify.compare import compare, compare_program, program_streams
 from esea_gen.verify.executor import held_stream
-from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, Run, run_executor, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 from esea_gen.verify.verdict import Comparison, Verification

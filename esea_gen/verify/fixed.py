@@ -32,8 +32,7 @@ from esea_gen.hostlib.codec import INVALID, from_raw, to_raw, to_whole
 from esea_gen.hostlib.library import CRunner
 from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
-from esea_gen.verify.assumed import broken, steps_beyond
-from esea_gen.verify.bounds import full_scales
+from esea_gen.verify.bounds import broken, full_scales, steps_beyond
 from esea_gen.verify.compare import unexplained
 from esea_gen.verify.executor import KernelTrajectory, evaluate, expected_counters
 from esea_gen.verify.runs import changed_by_restore, run_c, run_symbolic

@@ -14,7 +14,7 @@ from esea_gen.board.bare import BARE_BOARDS, BareResult, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
-from esea_gen.verify.assumed import UNTRIED
+from esea_gen.verify.bounds import UNTRIED
 from esea_gen.verify.chain import AIM_SHARE, ChainReport, search_chain
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block

@@ -19,9 +19,9 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import compiled_loop, plant_variant, previews, run_case
 from esea_gen.twin.trajectories import Trajectory
+from esea_gen.verify.compare import compare_program, program_streams
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.gates import TARGETS, check_objects
-from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import run_executor
 from esea_gen.verify.verdict import Verification
 from tests.conftest import require_tool

@@ -24,10 +24,9 @@ from esea_gen.language.ports import Flag, Port
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import derive_bounds
-from esea_gen.verify.compare import compare, unexplained
+from esea_gen.verify.compare import compare, compare_program, program_streams, unexplained
 from esea_gen.verify.fixed import compare_fixed, single_steps, states_before
 from esea_gen.verify.one_step import StepRule
-from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 from tests.conftest import require_tool
 from tests.rendered_program import render_program

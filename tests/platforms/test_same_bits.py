@@ -23,7 +23,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.compiler import compile_sources, zig
 from esea_gen.targets import PLATFORMS
 from esea_gen.twin.recorded import record_drive
-from esea_gen.verify.program import program_streams
+from esea_gen.verify.compare import program_streams
 from esea_gen.verify.streams import streams
 from tests.conftest import require_module, require_tool
 

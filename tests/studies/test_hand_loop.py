@@ -14,7 +14,7 @@ from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.studies.wall import push_case
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import axis_of, compiled_loop, plant_variant, run_case, run_on
-from esea_gen.verify.faults.bounds import bound_ticks
+from esea_gen.verify.faults.campaign import bound_ticks
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import SCENES, rig_of
 from tests.conftest import require_tool

@@ -9,8 +9,7 @@ import esea_gen
 from esea_gen.language.stream import Stream, single
 from esea_gen.observe.human import extended_state
 from esea_gen.verify import equivalence
-from esea_gen.verify.assumed import steps_beyond
-from esea_gen.verify.bounds import PORT_RANGES, bounds_or_rule
+from esea_gen.verify.bounds import PORT_RANGES, bounds_or_rule, steps_beyond
 from esea_gen.verify.runs import run_symbolic
 from esea_gen.verify.streams import streams
 from esea_gen.verify.verdict import ONE_STEP

@@ -21,8 +21,7 @@ from esea_gen.twin.judge import fault_figures
 from esea_gen.twin.run import run_case
 from esea_gen.verify.faults import everyone
 from esea_gen.verify.faults.kinds import BoardFault
-from esea_gen.verify.faults.rig import rig_of
-from esea_gen.verify.faults.subjects import SUBJECTS
+from esea_gen.verify.faults.rig import SUBJECTS, rig_of
 from tests.cli.test_cli import run as run_cli
 from tests.conftest import ROOT, require_tool, without
 

@@ -12,7 +12,7 @@ from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.verify.faults import campaign
-from esea_gen.verify.faults.bounds import LimbEnvelope, bound_ticks
+from esea_gen.verify.faults.campaign import LimbEnvelope, bound_ticks
 from esea_gen.verify.faults.driven import DrivenRig
 from esea_gen.verify.faults.emulated import emulated_sample
 from esea_gen.verify.faults.kinds import (
@@ -23,8 +23,7 @@ from esea_gen.verify.faults.kinds import (
     measured_and_wanted,
     words,
 )
-from esea_gen.verify.faults.rig import AFTER, SCENES, rig_of
-from esea_gen.verify.faults.subjects import COMMON, SUBJECTS
+from esea_gen.verify.faults.rig import AFTER, COMMON, SCENES, SUBJECTS, rig_of
 from tests.cli.test_cli import refused, run
 from tests.conftest import require_tool
 

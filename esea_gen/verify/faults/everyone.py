@@ -23,15 +23,18 @@ from esea_gen.verify.faults.campaign import felt_in, loaded
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import (
     AFTER,
+    CLAMPED,
     IMPEDANCE,
+    LIMP,
+    MOST_NM,
     OPERATOR,
     REACTS,
     STOP_LINE,
+    SUBJECTS,
     TORQUE,
     FaultScene,
     drawn_moment,
 )
-from esea_gen.verify.faults.subjects import CLAMPED, LIMP, MOST_NM, SUBJECTS
 
 SEEDS = 20
 ENCODERS, STOPS = "encoders", "stops"

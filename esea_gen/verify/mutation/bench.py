@@ -26,6 +26,7 @@ from esea_gen.language.program import Program
 from esea_gen.language.stream import single
 from esea_gen.language.system import System
 from esea_gen.portability import CAN_FORK, passes_apart
+from esea_gen.verify.compare import compare_program, program_streams
 from esea_gen.verify.executor import (
     KernelTrajectory,
     exact_trajectory,
@@ -34,7 +35,6 @@ from esea_gen.verify.executor import (
 )
 from esea_gen.verify.memories import other_memories
 from esea_gen.verify.mutation.mutants import Mutant
-from esea_gen.verify.program import compare_program, program_streams
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 from esea_gen.verify.streams import (
     at_the_limits,
