@@ -168,7 +168,7 @@ def _identify_model(
     compared: ModelComparison | None = None,
 ) -> None:
     from esea_gen.identify import identify as identify_published
-    from esea_gen.identify.choosing import identify_chosen
+    from esea_gen.identify.family.compare import identify_chosen
     from esea_gen.identify.identified import Identified
     from esea_gen.identify.inverse import refit_identified
     from esea_gen.report.identification import identification_page

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -241,7 +242,8 @@ def published_channels(
     template = draft(source, recordings, source.mapping.device.rate_terms)
     asked = source.mapping.search
     space, rate = searched(source, template, recordings)
-    return PublishedChannels(template, space, rate, asked.seed, asked.population, how)
+    apart = replace(how or Searching(), resume=None, watch=None)
+    return PublishedChannels(template, space, rate, asked.seed, asked.population, apart)
 
 
 def fit_split(

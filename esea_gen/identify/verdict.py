@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -76,15 +77,8 @@ def judge(device: Device, recordings: Iterable[Recording]) -> Verdict:
 
 TORQUE_EDGES = (0.0, 0.05, 0.25, 0.5, 0.75, 1.0, math.inf)  # of full scale
 RATE_EDGES = (0.0, 0.05, 0.35, 1.0, math.inf)  # of the identified domain's largest rate
+Cell = tuple[int | None, int | None]  # class of torque and of rate; None: all
 LEAST = 20  # of fewer samples there is no 95 %
-
-
-@dataclass(frozen=True)
-class JudgedSamples:
-    error_Nm: Array  # shape (n,); the rate is None where time was not recorded
-    torque_Nm: Array
-    omega_rad_s: Array | None
-    weight: Array  # how much each counts; squared, shape (n,)
 
 
 @dataclass(frozen=True)
@@ -105,43 +99,6 @@ def label(edges: Sequence[float], i: int) -> str:
     return f"{100 * edges[i]:g}-{100 * edges[i + 1]:g} %"
 
 
-def torque_worth(
-    left_out: JudgedSamples,
-    held_out: JudgedSamples,
-    full_scale_Nm: float,
-    omega_max_rad_s: float,
-) -> tuple[TorqueWorth, ...]:
-    """Every class of torque at every rate, and at all of them."""
-    # Without rates only the classes of torque.
-    rates: list[int | None] = [None]
-    if left_out.omega_rad_s is not None:
-        rates += range(len(RATE_EDGES) - 1)
-    torques: list[int | None] = [None, *range(len(TORQUE_EDGES) - 1)]
-
-    def chosen(of: JudgedSamples, i: int | None, j: int | None) -> npt.NDArray[np.bool_]:
-        found = np.ones(len(of.error_Nm), dtype=bool)
-        if i is not None:
-            found &= _class(of.torque_Nm / full_scale_Nm, TORQUE_EDGES) == i
-        if j is not None and of.omega_rad_s is not None:
-            found &= _class(of.omega_rad_s / omega_max_rad_s, RATE_EDGES) == j
-        return found
-
-    out = []
-    for i in torques:
-        for j in rates:
-            fit, unseen = chosen(left_out, i, j), chosen(held_out, i, j)
-            n, held, band, inside = int(fit.sum()), int(unseen.sum()), None, None
-            if n >= LEAST:
-                band = half_width_Nm(left_out.error_Nm[fit], left_out.weight[fit])
-                inside = covered(held_out.error_Nm[unseen], band) if held >= LEAST else None
-            names = (
-                None if i is None else label(TORQUE_EDGES, i),
-                None if j is None else label(RATE_EDGES, j),
-            )
-            out.append(TorqueWorth(*names, band, n, held, inside))
-    return tuple(out)
-
-
 def _class(share: Array, edges: Sequence[float]) -> npt.NDArray[np.intp]:
     # What is just at an edge is below it: the largest torque is 100 %, not above.
     return np.maximum(np.searchsorted(edges, np.abs(share)) - 1, 0)
@@ -154,22 +111,45 @@ def worth_of(
     spread: LeftOut | None,
     rows: tuple[Array, Array] | None = None,
 ) -> tuple[TorqueWorth, ...]:
-    """Of an identification; nothing where nothing was free in its fit."""
+    """Of an identification, every class of torque at every rate, and at all of them.
+
+    rows: torque and rate of the fit's rows, where these are not the samples.  Nothing where nothing
+    was free in its fit.
+    """
     if spread is None:
         return ()
-    timed = all(r.timed for r in recordings)
+    full, most = device.tau_full_scale_Nm, device.file.domain.omega_max_rad_s.value
+    timed = all(r.timed for r in recordings)  # else only the classes of torque
+    measured = {r.label: r.tau_Nm for r in recordings}
+    error = {k: verdict.torque_Nm[k] - tau for k, tau in measured.items()}
 
     def samples(role: str, of: dict[str, Array]) -> Array:
         return np.concatenate([of[r.label][getattr(s, role)] for r in recordings for s in r.sets])
 
-    measured = {r.label: r.tau_Nm for r in recordings}
-    error = {k: verdict.torque_Nm[k] - tau for k, tau in measured.items()}
-    torque, rate = rows or (samples("training", measured), samples("training", verdict.omega_rad_s))
-    fit = JudgedSamples(spread.outside_Nm, torque, rate if timed else None, spread.weight)
-    role, apart = "held_out", samples("held_out", error)
-    rate = samples(role, verdict.omega_rad_s)
-    unseen = JudgedSamples(
-        apart, samples(role, measured), rate if timed else None, np.ones(len(apart))
-    )
-    most = device.file.domain.omega_max_rad_s.value
-    return torque_worth(fit, unseen, device.tau_full_scale_Nm, most)
+    def classes(torque: Array, rate: Array) -> list[npt.NDArray[np.intp]]:
+        return [_class(torque / full, TORQUE_EDGES), _class(rate / most, RATE_EDGES)]
+
+    def chosen(of: list[npt.NDArray[np.intp]], cell: Cell) -> npt.NDArray[np.bool_]:
+        found = np.ones(len(of[0]), dtype=bool)
+        for at, k in zip(of, cell, strict=True):
+            if k is not None:
+                found &= at == k
+        return found
+
+    both = measured, verdict.omega_rad_s
+    trained = classes(*(rows or (samples("training", x) for x in both)))
+    held_out, apart = classes(*(samples("held_out", x) for x in both)), samples("held_out", error)
+    torques = [None, *range(len(TORQUE_EDGES) - 1)]
+    out = []
+    for i, j in product(torques, [None, *range(len(RATE_EDGES) - 1)] if timed else [None]):
+        fit, unseen = chosen(trained, (i, j)), chosen(held_out, (i, j))
+        n, held, band, inside = int(fit.sum()), int(unseen.sum()), None, None
+        if n >= LEAST:
+            band = half_width_Nm(spread.outside_Nm[fit], spread.weight[fit])
+            inside = covered(apart[unseen], band) if held >= LEAST else None
+        names = (
+            None if i is None else label(TORQUE_EDGES, i),
+            None if j is None else label(RATE_EDGES, j),
+        )
+        out.append(TorqueWorth(*names, band, n, held, inside))
+    return tuple(out)

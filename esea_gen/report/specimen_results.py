@@ -20,8 +20,8 @@ from esea_gen.devices.fields import Fatigue
 from esea_gen.errors import UserError
 from esea_gen.files import plain, read_result
 from esea_gen.identify import MappingFile, Recording, judge, load_mapping, load_recordings
-from esea_gen.identify.choosing import CHOSEN, identify_chosen
 from esea_gen.identify.family.choice import CompareRow
+from esea_gen.identify.family.compare import CHOSEN, identify_chosen
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.reliability import Reliability
 from esea_gen.identify.verdict import TorqueWorth, Verdict

@@ -304,8 +304,6 @@ class Tuning:
 
     def figure(self) -> Figure:
         """Error, overshoot and roughness over the parameter that was swept last."""
-        from esea_gen.studies.tuning_sweep import tuning_trade
-
         sweep = self.sweeps[-1]
         gone = (math.nan,) * 3
         rows = [
@@ -368,12 +366,8 @@ def tune(
     choose("plant", plant, PLANT_NAMES)
     device = controller_device(controller)
     known = tunables_of(controller)
-    configuration = Configuration(
-        {
-            "controller_hash": device_hash(device),
-            "code": rooms_digest(),
-        }
-    )
+    hashes = {"controller_hash": device_hash(device), "code": rooms_digest()}
+    configuration = Configuration(hashes)
 
     def sweep(name: str, tried: Sequence[float], held: Mapping[str, float]) -> TunableSweep:
         cases = [

@@ -84,19 +84,18 @@ class Coverage:
 
     @property
     def excluded(self) -> list[str]:
-        return [
-            f"{d.where}: {d.op}, {side}: {proof}"
-            for d in self.decisions
-            for side, proof in d.proofs.items()
-        ]
+        return self._set_aside("proofs")
 
     @property
     def detectors(self) -> list[str]:
         """Sides not seen that only a fault of the arithmetic itself takes; argued, not proven."""
+        return self._set_aside("detectors")
+
+    def _set_aside(self, why: str) -> list[str]:
         return [
             f"{d.where}: {d.op}, {side}: {text}"
             for d in self.decisions
-            for side, text in d.detectors.items()
+            for side, text in getattr(d, why).items()
         ]
 
     @property

@@ -18,10 +18,9 @@ import esea_gen.identify.family.compare as comparing
 from esea_gen.cli.app import app
 from esea_gen.errors import UserError
 from esea_gen.identify import load_mapping, load_recordings
-from esea_gen.identify.choosing import identify_chosen
 from esea_gen.identify.drafting import draft
 from esea_gen.identify.family.choice import CompareRow, choose
-from esea_gen.identify.family.compare import PEERS, fit_peer
+from esea_gen.identify.family.compare import PEERS, fit_peer, identify_chosen
 from esea_gen.identify.family.fit import UnitTerms, fit_member, members, solve_weights
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.conditions import splits_of

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy  # its parts are read on first use
@@ -221,23 +221,20 @@ def search(
     )
 
 
+@dataclass
 class PublishedChannels:
     """The published model as :class:`esea_gen.identify.recording.channels.ChannelModel`."""
 
-    def __init__(
-        self,
-        device: Device,
-        space: Space,
-        rate_Hz: float | None,
-        seed: int,
-        population_size: int | None,
-        how: Searching | None,
-    ) -> None:
-        self.device, self.space, self.rate_Hz = device, space, rate_Hz
-        self.seed, self.count = seed, population_size or POPULATION
-        self.how = replace(how or Searching(), resume=None, watch=None)
-        self._problem: SearchProblem | None = None
-        self._begun = self._x = space.low
+    device: Device
+    space: Space
+    rate_Hz: float | None
+    seed: int
+    population_size: int | None
+    how: Searching
+    _problem: SearchProblem | None = None
+
+    def __post_init__(self) -> None:
+        self._begun = self._x = self.space.low
 
     def _plant(self, recordings: list[Recording]) -> FittedPlant:
         if self._problem is None:
@@ -251,7 +248,8 @@ class PublishedChannels:
     def start(self, recordings: list[Recording]) -> None:
         method = search_named(self.how.method)
         self._problem = self._over(recordings)
-        self._begun = best_of(method(self._problem, self.seed, self.count))[1]
+        count = self.population_size or POPULATION
+        self._begun = best_of(method(self._problem, self.seed, count))[1]
 
     def solve(self, recordings: list[Recording]) -> float:
         """The minimum next to the one that :meth:`start` found."""
