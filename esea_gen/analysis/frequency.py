@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from esea_gen.errors import UserError
 from esea_gen.files import plain
+from esea_gen.language.ports import Array
 
-Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
+Crossing = tuple[float | None, float | None]  # margin and frequency
 HALF_POWER_DB = 10 * math.log10(2.0)
 
 
@@ -94,17 +95,10 @@ class FrequencyResponse:
         if below.any():
             k = int(np.argmax(below))
             returns = bool((~below[k:]).any())
-            found = float(f[k])
-            if k > 0:
-                found = _between(f, relative + drop_dB, k - 1)
+            found = _between(f, relative + drop_dB, k - 1) if k > 0 else float(f[k])
         return Bandwidth(
-            found,
-            start,
-            words,
-            drop_dB,
-            float(relative[peak]),
-            float(f[peak]),
-            returns,
+            *(found, start, words, drop_dB),
+            *(float(relative[peak]), float(f[peak]), returns),
         )
 
     def open_loop(self) -> FrequencyResponse:
@@ -127,14 +121,12 @@ class FrequencyResponse:
             line = 360.0 * max(turns[k], turns[k + 1]) - 180.0
             crossing = _between(f, phase - line, int(k))
             gains.append((-float(np.interp(math.log10(crossing), level, gain)), crossing))
-        worst_phase = min(phases, key=lambda p: abs(p[0]), default=None)
-        worst_gain = min(gains, key=lambda g: abs(g[0]), default=None)
+        worst_phase: Crossing = min(phases, key=lambda p: abs(p[0]), default=(None, None))
+        worst_gain: Crossing = min(gains, key=lambda g: abs(g[0]), default=(None, None))
         delays = [p / 360.0 / at for p, at in phases if p > 0]
         return Margins(
-            worst_gain[0] if worst_gain else None,
-            worst_gain[1] if worst_gain else None,
-            worst_phase[0] if worst_phase else None,
-            worst_phase[1] if worst_phase else None,
+            *worst_gain,
+            *worst_phase,
             min(delays, default=None),
             float(np.min(np.abs(1 + self.response))),
         )
@@ -229,11 +221,8 @@ class OutputImpedance:
 
     def table(self, rows: int = 12, low_Hz: float = 0.0, high_Hz: float = math.inf) -> list[str]:
         fit = self.fit(low_Hz, high_Hz)
-        poor = (
-            f", above {GOOD_FIT:g}: not one mass, damper and spring"
-            if fit.misfit > GOOD_FIT
-            else ""
-        )
+        above = f", above {GOOD_FIT:g}: not one mass, damper and spring"
+        poor = above if fit.misfit > GOOD_FIT else ""
         return [
             *self.angle.table(rows),
             f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque that the moving needs:",

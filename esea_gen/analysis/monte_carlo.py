@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from esea_gen.analysis.journal import Configuration, Result, canonical, versions
 from esea_gen.errors import UserError
-
-Array = npt.NDArray[np.float64]
+from esea_gen.language.ports import Array
 
 LEVELS = (5.0, 25.0, 50.0, 75.0, 95.0)
 RESAMPLES = 2000

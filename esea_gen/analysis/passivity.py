@@ -14,8 +14,9 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import Array, checked
+from esea_gen.analysis.response import checked
 from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
 
 
 @dataclass(frozen=True)

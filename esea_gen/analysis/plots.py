@@ -21,9 +21,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse, OutputImpedance
 from esea_gen.analysis.monte_carlo import Percentiles
-from esea_gen.analysis.response import Array
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
+from esea_gen.language.ports import Array
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, RULE, STYLE, envelope
 
 P = ParamSpec("P")

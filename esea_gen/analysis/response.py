@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.errors import UserError
-
-Array = npt.NDArray[np.float64]
+from esea_gen.language.ports import Array
 
 MIN_SAMPLES = 32
 

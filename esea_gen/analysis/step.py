@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.analysis.response import MIN_SAMPLES, Array, checked_time
+from esea_gen.analysis.response import MIN_SAMPLES, checked_time
 from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
 
 Verdict = Literal["stable", "growing", "sustained oscillation", "diverged", "no response"]
 # An oscillation in the last third of a step's record below this share of the step is noise.
@@ -102,9 +103,8 @@ def _diverged(
     first = float(early[0]) if early.size else initial
     far = np.flatnonzero(np.abs(values - first) > FAR * size)
     if far.size:
-        return StepMetrics(
-            "diverged", f"more than {FAR} steps away at {time[far[0]]:.4g} s", initial
-        )
+        gone = f"more than {FAR} steps away at {time[far[0]]:.4g} s"
+        return StepMetrics("diverged", gone, initial)
     if early.size and np.ptp(early) > size:
         moved = f"moved by {np.ptp(early):.3g} before the step of {size:.3g}"
         return StepMetrics("diverged", moved, initial)
@@ -131,10 +131,11 @@ def _oscillation(
 
 def _way(t: Array, way: Array, step_s: float, tail_s: float) -> dict[str, float | None]:
     # The tail's mean is 1: both levels are reached.
+    two, five = (_settling(t, np.abs(way - 1), band, tail_s) for band in (0.02, 0.05))
     return {
         "rise_s": _crossing(t, way, 0.9) - _crossing(t, way, 0.1),
-        "settling_2_s": _after(_settling(t, np.abs(way - 1), 0.02, tail_s), step_s),
-        "settling_5_s": _after(_settling(t, np.abs(way - 1), 0.05, tail_s), step_s),
+        "settling_2_s": None if two is None else two - step_s,
+        "settling_5_s": None if five is None else five - step_s,
         "overshoot_percent": 100 * max(float(np.max(way)) - 1, 0.0),
     }
 
@@ -204,7 +205,3 @@ def step_metrics(
         return StepMetrics("no response", f"the level moved by {move:.3g} of {size:.3g}", **common)
     judged = _way(t, (y - initial) / move, step_s, tail_s)
     return StepMetrics("stable", f"ends at {final:.4g} of {after:.4g}", **judged, **common)
-
-
-def _after(moment: float | None, step_s: float) -> float | None:
-    return None if moment is None else moment - step_s

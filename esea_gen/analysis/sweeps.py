@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.analysis.frequency import FrequencyResponse
-from esea_gen.analysis.response import Array, checked, checked_time
+from esea_gen.analysis.response import checked, checked_time
 from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
 
 MIN_SAMPLES_A_WINDOW = 16
 # Of the windows along a sweep: width, at least so many cycles, and how many are tried.

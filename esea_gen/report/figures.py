@@ -19,9 +19,8 @@ from esea_gen.identify import Recording
 from esea_gen.identify.drive.friction import Friction, SteadyRun, run_means
 from esea_gen.identify.published.search_problem import PresentBest
 from esea_gen.identify.recording.quality import runs
+from esea_gen.language.ports import Array
 from esea_gen.plotting import BOUND, HELD_OUT, INK, MEASURED, MODEL, ROUNDING, envelope, svg
-
-Array = npt.NDArray[np.float64]
 
 # An SVG point takes about 12 bytes: this keeps a page with ten recordings below 3 MB.
 POINTS_PER_PAGE = 120_000

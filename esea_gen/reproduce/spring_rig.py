@@ -18,10 +18,11 @@ from matplotlib.figure import Figure
 
 from esea_gen.analysis.frequency import Bandwidth, FrequencyResponse
 from esea_gen.analysis.plots import bode
-from esea_gen.analysis.response import Array, checked, checked_time
+from esea_gen.analysis.response import checked, checked_time
 from esea_gen.analysis.step import StepMetrics, step_metrics
 from esea_gen.analysis.sweeps import Sweep, sweep_response
 from esea_gen.errors import UserError
+from esea_gen.language.ports import Array
 from esea_gen.studies.registry import Reproduction
 from esea_gen.tables import read_table
 

@@ -47,7 +47,8 @@ from esea_gen.twin.judge import (
 )
 from esea_gen.twin.loop_run import ClosedLoopRun, RanAwayError
 from esea_gen.twin.off import NOTHING, deviation, off_families, refuse_unknown
-from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, axis_of, compiled_loop, run_case
+from esea_gen.twin.people import PLANT_NAMES
+from esea_gen.twin.run import PERSON_NAMES, axis_of, compiled_loop, run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
 FAULT_FROM_S = 0.1  # by then every shipped controller is armed and on

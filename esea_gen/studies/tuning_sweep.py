@@ -32,7 +32,8 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
 from esea_gen.twin.judge import ENDED, ROUGH_HEADS, ROUGHNESS, judge, rough_cells
 from esea_gen.twin.loop_run import ClosedLoopRun
-from esea_gen.twin.run import PLANT_NAMES, run_case
+from esea_gen.twin.people import PLANT_NAMES
+from esea_gen.twin.run import run_case
 
 PHI, LAMBDA = "smc.phi_rad_s", "smc.lambda_1_s"
 SOFTENING = "smc.softening"

@@ -54,16 +54,14 @@ def parse_fault(text: str) -> EncoderFault:
             f"'{text}' is not a fault.",
             "Write KIND:ENCODER@SECONDS, such as freeze:load@4, or with an amount slip:gear@4=0.1.",
         )
-    for key, known in (("kind", KINDS), ("side", SIDES)):
-        if found[key] not in known:
-            what = "an encoder"
-            raise UserError(
-                f"'{text}': '{found[key]}' is not a fault of {what}."
-                if key == "kind"
-                else f"'{text}': there is no encoder '{found[key]}'.",
-                f"{nearest(found[key], known)}Choose from {', '.join(known)}.",
-            )
-    kind = found["kind"]
+    kind, side = found["kind"], found["side"]
+    for name, known, wrong in (
+        (kind, KINDS, f"'{kind}' is not a fault of an encoder"),
+        (side, SIDES, f"there is no encoder '{side}'"),
+    ):
+        if name not in known:
+            fix = f"{nearest(name, known)}Choose from {', '.join(known)}."
+            raise UserError(f"'{text}': {wrong}.", fix)
     at_s = _number(text, "time", found["at"], 0.0, 1e4)
     amount = KINDS[kind][0]
     if found["amount"] is not None:
@@ -73,7 +71,7 @@ def parse_fault(text: str) -> EncoderFault:
         amount = _number(text, "amount", found["amount"], low, high)
         if kind in BITS and amount % 1:
             raise UserError(f"'{text}': a bit's number is whole.", "Give one from 0 on.")
-    return EncoderFault(kind, found["side"], at_s, amount)
+    return EncoderFault(kind, side, at_s, amount)
 
 
 def _number(text: str, what: str, given: str, low: float, high: float) -> float:

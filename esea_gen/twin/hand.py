@@ -26,7 +26,7 @@ from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError, choose
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.people import PlantVariant, ideal_plant, random_plant, real_plant
+from esea_gen.twin.people import PlantVariant, named_plant
 from esea_gen.twin.published import Person
 
 Pair = tuple[float, float]
@@ -176,16 +176,9 @@ def named_hand(name: str, seed: int = 0) -> CoupledHand:
 
 def hand_variant(device: DeviceData | Device, plant: str, hand: str, seed: int) -> PlantVariant:
     """The plant of a device with two axes, each drive drawn by itself, and a hand."""
-    choose("plant", plant, ("ideal", "real", "random"))
     values: dict[str, float] = {}
     for i, axis in enumerate(device.axes):
-        drawn = 2 * seed + i
-        if plant == "ideal":
-            one = ideal_plant(device)
-        else:
-            one = (
-                random_plant(device, drawn) if plant == "random" else real_plant(device, seed=drawn)
-            )
+        one = named_plant(plant, device, 2 * seed + i)
         own = {n: x * _CAPSTAN.get(n, 1.0) for n, x in one.values.items()}
         own["joint_encoder_bits"] = float(device.file.encoder.resolution_bits.value)
         values |= {of_axis(n, axis): x for n, x in own.items()}

@@ -6,7 +6,6 @@ Friction, inertia and lag are scaled from the device file's, which the controlle
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from esea_gen.device import Device
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import Array
 from esea_gen.twin.encoders import SIDES
 from esea_gen.twin.published import PLANTS
@@ -186,14 +185,13 @@ def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
         elif part in names:
             found.append(part)
         else:
-            near = difflib.get_close_matches(part, [*groups, *names], n=1)
             listed = "; ".join(f"{r.name}: {r.meaning}" for r in off_families().values())
             several = [g for g, rows in groups.items() if len(rows) > 1 and g != ALL]
             raise UserError(
                 f"--off {given}: unknown family '{part}'.",
-                (f"Did you mean {near[0]}? " if near else "")
-                + f"There are {listed}. {', '.join(several)} stand for all of theirs, {ALL} for "
-                "each but the random ones; several with a comma between.",
+                f"{nearest(part, [*groups, *names])}There are {listed}. {', '.join(several)} stand "
+                f"for all of theirs, {ALL} for each but the random ones; several with a comma "
+                "between.",
             )
     return list(dict.fromkeys(found))
 

@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels, StepResult
-from esea_gen.language.ports import Port
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.system import System, Task
 from esea_gen.model.symbolic import equations
 from esea_gen.twin.encoders import ANGLE_RAD, encoder_block
@@ -30,7 +29,6 @@ from esea_gen.twin.parameters import STEP_S, assumed
 from esea_gen.twin.plant import TICK_S, plant_status, sensed, status_port, true_sensor
 from esea_gen.twin.published import PLANTS
 
-Array = npt.NDArray[np.float64]
 NAME = "passive_twin"
 HAND_Nms_rad = 0.5  # flesh between hands and cuff; assumed
 ENCODER_NOISE_RAD = 2e-4  # of each, effective value: an eighth of a count of 12 bits; assumed

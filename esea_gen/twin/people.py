@@ -10,8 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from esea_gen.devices.file import DeviceData
+from esea_gen.errors import choose
 from esea_gen.twin.parameters import CABLE_KEYS, STEP_S
 from esea_gen.twin.published import PEOPLE, PLANTS, Person
+
+PLANT_NAMES = ("ideal", "real", "random")
 
 
 def random_person(seed: int) -> Person:
@@ -93,6 +96,13 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
     }
     values |= gear_disturbance(r.gear_disturbance_rms_rad_s2, seed)
     return PlantVariant(device, True, values).having(PEOPLE[person])
+
+
+def named_plant(name: str, device: DeviceData, seed: int) -> PlantVariant:
+    choose("plant", name, PLANT_NAMES)
+    if name == "random":
+        return random_plant(device, seed)
+    return ideal_plant(device) if name == "ideal" else real_plant(device, seed=seed)
 
 
 def random_plant(device: DeviceData, seed: int) -> PlantVariant:

@@ -22,18 +22,10 @@ from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.hand_plant import tunable_places
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.off import deviation, refuse_unknown
-from esea_gen.twin.people import (
-    PlantVariant,
-    ideal_plant,
-    limb_of,
-    random_person,
-    random_plant,
-    real_plant,
-)
+from esea_gen.twin.people import PlantVariant, limb_of, named_plant, random_person
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.trajectories import RATE_HZ, Trajectory
 
-PLANT_NAMES = ("ideal", "real", "random")
 PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "random")
 # The controller is off at first and armed meanwhile, as after a start of the firmware; a slow
 # control task must have given two commands before.
@@ -55,16 +47,10 @@ PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
 
 
 def plant_variant(device: Device, plant: str, person: str, seed: int) -> PlantVariant:
-    choose("plant", plant, PLANT_NAMES)
     if len(device.axes) > 1:
         return _stepped(device, hand_variant(device, plant, person, seed))
     choose("person", person, PERSON_NAMES)
-    made = {
-        "ideal": lambda: ideal_plant(device),
-        "real": lambda: real_plant(device, seed=seed),
-        "random": lambda: random_plant(device, seed),
-    }[plant]()
-    made = _stepped(device, made)
+    made = _stepped(device, named_plant(plant, device, seed))
     if person == "none":
         return made.having(PEOPLE["none"], clamped=1.0)
     named = random_person(seed) if person == "random" else PEOPLE[person]

@@ -8,19 +8,18 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from esea_gen.board.bare import BARE_BOARDS, BareResult, run_bare
 from esea_gen.device import Device
 from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.hostlib.library import HostLibrary, compile_device
+from esea_gen.language.ports import Array
 from esea_gen.verify.bounds import UNTRIED
 from esea_gen.verify.chain import AIM_SHARE, ChainReport, search_chain
 from esea_gen.verify.fixed import bounds_of, compare_fixed
 from esea_gen.verify.proof import EvaResult, prove_block
 from esea_gen.verify.streams import domain_chirp, streams
 
-Array = npt.NDArray[np.float64]
 CORE_STEPS = 200
 CHIRP_S = 60.0
 STREAM_STEPS = 300

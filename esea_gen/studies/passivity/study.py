@@ -31,7 +31,8 @@ from esea_gen.studies.passivity.sliding import Bools, SlidingCheck, check_slidin
 from esea_gen.studies.tracking import GAINS
 from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device, controller_system
-from esea_gen.twin.run import PLANT_NAMES, axis_of
+from esea_gen.twin.people import PLANT_NAMES
+from esea_gen.twin.run import axis_of
 
 # Share of the push's energy that may come out before it counts.  Of the default map's runs half
 # give out less than 0.01 %, nearly all others more than 3 %.

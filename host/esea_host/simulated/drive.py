@@ -18,9 +18,9 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.link.transport import Transport
 from esea_gen.twin.hand import HAND_NAMES, NOBODY, CoupledHand, hand_variant, named_hand
-from esea_gen.twin.people import limb_of, random_person
+from esea_gen.twin.people import PLANT_NAMES, limb_of, random_person
 from esea_gen.twin.published import PEOPLE, Person
-from esea_gen.twin.run import PERSON_NAMES, PLANT_NAMES, plant_variant
+from esea_gen.twin.run import PERSON_NAMES, plant_variant
 from esea_gen.twin.stepped import EMPTY, SteppedTwin
 from esea_host.connection.device import ConnectedDevice
 from esea_host.connection.identity import SIMULATED_BOARDS, identify

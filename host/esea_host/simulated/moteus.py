@@ -14,7 +14,8 @@ from pathlib import Path
 from esea_gen.board.moteus import MoteusDrive
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
-from esea_gen.twin.run import PLANT_NAMES, plant_variant
+from esea_gen.twin.people import PLANT_NAMES
+from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedTwin
 from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_person
 from esea_host.simulated.server import IDLE_S, Terminal
