@@ -30,6 +30,14 @@ FIT_RATE_HZ = 100.0
 Status = Literal["identified", "assumed"]  # of a number that was fitted
 
 
+def identified(value: float, source: str) -> Quantity:
+    return Quantity(value=value, status="identified", source=source)
+
+
+def assumed(value: float, source: str) -> Quantity:
+    return Quantity(value=value, status="assumed", source=source)
+
+
 def grid_rate(source: MappingFile) -> float:
     """Rate at which a member that needs time is fitted, Hz."""
     fine = source.mapping.device.sense_rate_Hz.value
@@ -80,32 +88,23 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
     timed = all(r.timed for r in recordings)
     omega = min(100.0, max([1e-3, *(_rate(r, s) for r, s in trained)]))
-    full = m.full_scale_Nm or Quantity(
-        value=largest_torque(source, recordings),
-        status="identified",
-        source=f"largest |torque| of {where}",
+    full = m.full_scale_Nm or identified(
+        largest_torque(source, recordings), f"largest |torque| of {where}"
     )
     largest = max([full.value, *(float(np.abs(r.tau_Nm).max()) for r in recordings)])
 
     def started(**values: float) -> dict[str, Quantity]:
-        text = "start of the search"
-        return {k: Quantity(value=v, status="identified", source=text) for k, v in values.items()}
+        return {k: identified(v, "start of the search") for k, v in values.items()}
 
     def factor(value: float, high: float, what: str) -> Quantity:
         text = f"device.limit_factor {d.limit_factor:g} of {source.origin} over {what}"
-        return Quantity(
-            value=min(high, round_up(d.limit_factor * value)), status="assumed", source=text
-        )
+        return assumed(min(high, round_up(d.limit_factor * value)), text)
 
     viscous = {"A_Nms_rad": 1.0, "m": 1.0, "eps1_Nms_rad": 0.1, "B": 1.0, "n": 0.5}
     maxwell = Maxwell(**started(kv_Nm_rad=1.0, eps2=EPS2_DEFAULT, **viscous))
     springs = {"k1_Nm_rad": 1.0, "k3_Nm_rad3": 1.0, "alpha_Nm_rad": 1.0}
-    domain_omega = Quantity(
-        value=omega,
-        status="identified" if timed else "assumed",
-        source=f"largest rate in training, {where}"
-        + ("" if timed else "; sampling period assumed, no rate terms depend on it"),
-    )
+    fastest = f"largest rate in training, {where}"
+    untimed = f"{fastest}; sampling period assumed, no rate terms depend on it"
     file = DeviceFile(
         schema=1,
         name=d.name,
@@ -117,20 +116,17 @@ def draft(source: MappingFile, recordings: list[Recording], rate_terms: bool) ->
             maxwell=maxwell if rate_terms else None,
         ),
         domain=Domain(
-            theta_max_rad=Quantity(
-                value=max(1e-3, theta),
-                status="identified",
-                source=f"largest |deflection| in training, {where}",
+            theta_max_rad=identified(
+                max(1e-3, theta), f"largest |deflection| in training, {where}"
             ),
-            omega_max_rad_s=domain_omega,
+            omega_max_rad_s=identified(omega, fastest) if timed else assumed(omega, untimed),
             tau_full_scale_Nm=full,
         ),
         limits=Limits(
             theta_rad=factor(max(reach, 1e-3), MAX_THETA_RAD, "the largest recorded |deflection|"),
-            omega_rad_s=Quantity(
-                value=max(25.0, round_up(d.limit_factor * omega)),
-                status="assumed",
-                source="25 rad/s as the shipped elbow, or device.limit_factor over the domain",
+            omega_rad_s=assumed(
+                max(25.0, round_up(d.limit_factor * omega)),
+                "25 rad/s as the shipped elbow, or device.limit_factor over the domain",
             ),
             tau_Nm=factor(max(largest, 1e-2), 2 * MAX_TAU_NM, "the largest recorded |torque|"),
         ),
@@ -159,10 +155,7 @@ def fitted_device(
     """The template with the fitted parameters and a torque limit that holds the model."""
     file = template.file
     where = origin_of(source, files_of(recordings))
-    found = {
-        place_of(k): Quantity(value=v, status="identified", source=where)
-        for k, v in fit.values.items()
-    }
+    found = {place_of(k): identified(v, where) for k, v in fit.values.items()}
     v, theta = fit.values, file.limits.theta_rad.value
     spring = v["k1_Nm_rad"] * theta + v["k3_Nm_rad3"] * theta**3
     radii = [v["omega_rad"] * (i + 1) for i in range(int(template.elastomer.stops.value))]
@@ -172,11 +165,8 @@ def fitted_device(
     reach = spring + stops + source.mapping.device.limit_factor * largest_rate_Nm
     limit = file.limits.tau_Nm
     if reach > limit.value:
-        limit = Quantity(
-            value=min(2 * MAX_TAU_NM, round_up(reach)),
-            status="assumed",
-            source="the model's torque at the deflection limit",
-        )
+        text = "the model's torque at the deflection limit"
+        limit = assumed(min(2 * MAX_TAU_NM, round_up(reach)), text)
     return with_numbers(template, found | {"limits.tau_Nm": limit})
 
 
@@ -195,7 +185,7 @@ def sourced_device(
     def described(key: str, value: float) -> Quantity:
         if key == "eps2":
             text = "fixed: A, eps1, B and eps2 may all be multiplied by one number"
-            return Quantity(value=value, status="assumed", source=text)
+            return assumed(value, text)
         bound, sigma = at_bound(key, value), spread.sigma.get(key)
         known = False
         if bound:
@@ -208,8 +198,7 @@ def sourced_device(
             text, known = f"standard deviation {sigma:.2g}", determined(value, sigma)
         if not timed and key in RATE_KEYS:
             text, known = f"{text}; on an assumed sampling period", False
-        status: Status = "identified" if known else "assumed"
-        return Quantity(value=value, status=status, source=f"{where}; {text}")
+        return (identified if known else assumed)(value, f"{where}; {text}")
 
     found = {place_of(k): described(k, v) for k, v in fit.values.items()}
     file = with_numbers(device, found).file

@@ -24,10 +24,9 @@ import scipy  # its parts are read on first use
 from esea_gen.device import Device, parse_device, with_numbers
 from esea_gen.devices.fields import Inverse, field_facts
 from esea_gen.devices.file import render_toml
-from esea_gen.devices.numbers import Quantity
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_block
-from esea_gen.identify.drafting import files_of
+from esea_gen.identify.drafting import files_of, identified
 from esea_gen.identify.identification import Identification
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.plant import (
@@ -357,13 +356,8 @@ def _with_inverse(
         s = sigma.get(key)
         return source if s is None else f"{source}; standard deviation {s:.2g}"
 
-    section = Inverse(
-        kind="published",
-        **{
-            k: Quantity(value=float(v), status="identified", source=describe(k))
-            for k, v in values.items()
-        },
-    )
+    found = {k: identified(float(v), describe(k)) for k, v in values.items()}
+    section = Inverse(kind="published", **found)
     file = device.file.model_copy(update={"inverse": section})
     return parse_device(render_toml(file), f"{file.name}.toml")
 

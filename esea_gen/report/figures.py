@@ -255,8 +255,7 @@ def error_overview(rows: Sequence[StreamErrors], fit: float | None) -> Figure:
         axes.plot(x, y_drawn, label=label, clip_on=False, zorder=3, **look)
     if fit:
         axes.axvline(fit, color=MEASURED, lw=2, label="fit to the measured torque, RMS")
-    axes.set_xscale("log")
-    axes.set_xlim(floor, top)
+    axes.set(xscale="log", xlim=(floor, top))
     _name_rows(axes, [r[0] for r in rows])
     axes.set_xlabel("largest torque error, % of full scale (logarithmic; left edge: exactly 0)")
     decades = range(round(math.log10(floor)), math.floor(math.log10(top)) + 1, 2)
@@ -308,16 +307,15 @@ def search_picture(best: PresentBest) -> Figure:
     runs, rms = best.curve.T
     progress.step(runs, rms, where="post", color=MODEL)
     progress.plot(runs[-1:], rms[-1:], "o", color=MODEL, ms=4)
-    progress.set_yscale("log")
-    progress.set_xlabel("runs over all recordings")
-    progress.set_title(f"published form, best so far: {np.sqrt(best.cost):.4g} N·m")
-    progress.set_ylabel("RMS error, N·m")
+    title = f"published form, best so far: {np.sqrt(best.cost):.4g} N·m"
+    labels = {"xlabel": "runs over all recordings", "ylabel": "RMS error, N·m", "title": title}
+    progress.set(yscale="log", **labels)
     for number, (panel, (theta, measured, model)) in enumerate(zip(loops, sets, strict=True), 1):
         panel.plot(theta, measured, color=MEASURED, lw=1.6, label="measured")
         panel.plot(theta, model, color=MODEL, lw=0.8, label="best so far")
-        panel.set_xlabel("deflection, rad")
         rms_set = float(np.sqrt(np.mean((model - measured) ** 2)))
-        panel.set_title(f"data set {number} of {len(best.sets)}: {rms_set:.3g} N·m")
+        title = f"data set {number} of {len(best.sets)}: {rms_set:.3g} N·m"
+        panel.set(xlabel="deflection, rad", title=title)
     loops[0].set_ylabel("torque, N·m")
     loops[0].legend(loc="lower right")
     return figure
@@ -333,8 +331,7 @@ def friction_picture(runs: Sequence[SteadyRun], found: Friction) -> Figure:
         at = way * np.geomspace(most / 400, most, 200)
         label = None if k else "model"
         axes.plot(at, 1e3 * found.torque_Nm(at), color=MODEL, lw=1.4, label=label)
+    axes.set(xlabel="speed of the motor shaft, rad/s", ylabel="mN·m at the motor shaft")
     axes.set_title("torque that the drive takes at steady speeds")
-    axes.set_xlabel("speed of the motor shaft, rad/s")
-    axes.set_ylabel("mN·m at the motor shaft")
     axes.legend(loc="upper left")
     return figure

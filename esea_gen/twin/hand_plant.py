@@ -12,7 +12,7 @@ with symmetric matrices M, D and K; tau_intent is the pull of each axis towards 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -88,13 +88,13 @@ class _Named(Labels):
         return self._inner(of_axis(name, self._axis), value, comment)
 
 
+@dataclass(frozen=True)
 class _HandStep:
     """One step of both drives and the hand, from ``names`` of an axis' values by c, s and u."""
 
-    def __init__(
-        self, axes: tuple[str, str], axis: AxisStep, names: Mapping[str, tuple[str, ...]]
-    ) -> None:
-        self.axes, self.axis, self.names = axes, axis, names
+    axes: tuple[str, str]
+    axis: AxisStep
+    names: Mapping[str, tuple[str, ...]]
 
     def __call__(self, c: Any, s: Any, u: Any, guard: Guard, label: Labels) -> StepResult:
         groups = {"c": c, "s": s, "u": u}

@@ -244,17 +244,12 @@ def _bits(word: int, names: tuple[str, ...]) -> str:
     return "|".join(present) or "0"
 
 
-def _devices(devices: Mapping[str, Device] | None) -> dict[str, Device]:
-    if devices is not None:
-        return dict(devices)
-    return {name: load_device(name) for name in sorted(shipped_devices())}
-
-
 def _compared(
     folder: Path, devices: Mapping[str, Device] | None
 ) -> Iterator[tuple[Path, Trace | None, list[str]]]:
     # Per file: what it should hold, None for nothing, and what differs.
-    chosen = _devices(devices)
+    shipped = sorted(shipped_devices()) if devices is None else ()
+    chosen = devices or {name: load_device(name) for name in shipped}
     for name, device in chosen.items():
         path, trace = folder / f"{name}.csv", run_trace(device)
         found = [f"{name}: no trace is stored yet"]

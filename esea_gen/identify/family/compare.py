@@ -169,19 +169,16 @@ class ModelComparison:
         return self.choice.chosen
 
     def to_dict(self) -> dict[str, Any]:
+        device = self.devices[self.chosen]
         return {
             "mapping": self.source.origin,
             "recordings": recording_rows(self.recordings),
             "full_scale_Nm": self.full_scale_Nm,
             "compare": plain(self.rows),
             **self.choice.to_dict(),
-            "terms": self._terms(),
+            "terms": term_rows(fitted_of(device)) if device.file.family is not None else [],
             "notes": list(self.notes),
         }
-
-    def _terms(self) -> list[dict[str, Any]]:
-        device = self.devices[self.chosen]
-        return [] if device.file.family is None else term_rows(fitted_of(device))
 
     def table(self) -> list[str]:
         """Lines for the terminal: a model a line, its errors by condition."""

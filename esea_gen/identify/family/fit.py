@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -293,12 +293,13 @@ def _fitted_rows(
     return used, basis, residual, weight, rows
 
 
+@dataclass
 class MemberChannels:
     """A member as a ``ChannelModel`` of ``recording.channels``: nothing in it is searched."""
 
-    def __init__(self, terms: UnitTerms, full_scale_Nm: float) -> None:
-        self.terms, self.full_scale_Nm = terms, full_scale_Nm
-        self._fitted: FittedMember
+    terms: UnitTerms
+    full_scale_Nm: float
+    _fitted: FittedMember = field(init=False)
 
     def start(self, recordings: list[Recording]) -> None:
         """Nothing: weights have one best solution."""

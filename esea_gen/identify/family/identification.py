@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ from esea_gen.devices.rubber import Family, FamilyTemperature, FamilyTerm
 from esea_gen.errors import UserError, nearest
 from esea_gen.identify.drafting import (
     Status,
+    assumed,
     determined,
     draft,
     files_of,
     grid_rate,
+    identified,
     origin_of,
     round_up,
 )
@@ -72,7 +75,7 @@ def family_section(
         member=fitted.member.name,
         title=fitted.member.title,
         start="virgin",
-        scale_rad=Quantity(value=fitted.scale_rad, status="identified", source=source),
+        scale_rad=identified(fitted.scale_rad, source),
         temperature=warmth,
         terms=tuple(
             _term(t, w, *told.get(i, (source, "identified"))) for i, (w, t) in enumerate(pairs) if w
@@ -101,9 +104,7 @@ def _sureness(source: str, weight_Nm: float, sigma: float | None) -> tuple[str, 
 
 
 def _term(t: Term, weight_Nm: float, source: str, status: Status) -> FamilyTerm:
-    def fixed(value: float) -> Quantity:
-        return Quantity(value=value, status="assumed", source=FIXED)
-
+    fixed = partial(assumed, source=FIXED)
     powers = {n: text for text, n in POWERS.items()}
     bent = t.rise.kind == "bend"
     row: dict[str, Any] = {
@@ -139,7 +140,7 @@ def family_device(
     if reach > limit.value:
         text = "what the model's terms can reach at the deflection limit"
         most = min(2 * MAX_TAU_NM, round_up(reach))
-        limit = Quantity(value=most, status="assumed", source=text)
+        limit = assumed(most, text)
     update = {
         "elastomer": None,
         "family": family_section(fitted, source, sigma, warmth),
@@ -172,9 +173,9 @@ def _recorded_warmth(
     sigma_per_K: float | None,
 ) -> FamilyTemperature:
     given = [t.temperature_C for t in source.mapping.recording if t.temperature_C is not None]
-    assumed = any(q.status == "assumed" for q in given)
+    unsure = any(q.status == "assumed" for q in given)
     trained = temperatures_of(recordings, training=True)
-    where += "; temperatures assumed" if assumed else ""
+    where += "; temperatures assumed" if unsure else ""
     beyond = f", {where}; trained from {trained[0]:g} to {trained[-1]:g} degC"
     told = "" if sigma_per_K is None else f"; standard deviation {sigma_per_K:.2g}"
     edge = at_edge(factor)
@@ -185,7 +186,7 @@ def _recorded_warmth(
         "low_C": f"lowest temperature recorded{beyond}",
         "high_C": f"highest temperature recorded{beyond}",
     }
-    return temperature_section(factor, sources, "assumed" if assumed or edge else "identified")
+    return temperature_section(factor, sources, "assumed" if unsure or edge else "identified")
 
 
 @dataclass(frozen=True, kw_only=True)

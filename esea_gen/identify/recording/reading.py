@@ -158,7 +158,11 @@ def _load(
     theta = bridged(theta, jumped)
     gap = m.deflection.backlash_rad
     theta = followed_rad(theta, gap.value) if gap else theta
-    _check_moves(name, theta, m.deflection.column)
+    if np.ptp(theta) <= 1e-9:
+        raise UserError(
+            f"{name}: the deflection is constant (column '{m.deflection.column}').",
+            "Check the column, unit and scale in the mapping file.",
+        )
     spiky = spikes(theta, tau)
     recorded, tau = tau, bridged(tau, spiky)
     turned = m.torque.sign == "fit" and _stiffness(theta, tau) < 0
@@ -312,14 +316,6 @@ def _check_time(
         )
 
 
-def _check_moves(name: str, theta: Array, column: str) -> None:
-    if np.ptp(theta) <= 1e-9:
-        raise UserError(
-            f"{name}: the deflection is constant (column '{column}').",
-            "Check the column, unit and scale in the mapping file.",
-        )
-
-
 def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> None:
     factor = source.mapping.device.limit_factor
     for what, value, unit, limit in (
@@ -351,17 +347,12 @@ def _check_physics(source: MappingFile, name: str, theta: Array, tau: Array) -> 
 def _stiffness(theta: Array, tau: Array) -> float:
     # Most of a test of relaxation holds one deflection, where the torque relaxes: what counts is
     # how it rose before.
-    at_end = _at_end(theta)
+    way = np.abs(theta - theta[0])
+    at_end = way >= (1 - HELD_BAND) * way.max()  # farthest from the first sample
     end = int(np.flatnonzero(at_end)[0]) + 1 if np.mean(at_end) > 0.5 else len(theta)
     theta, tau = theta[:end], tau[:end]
     x, y = theta - theta.mean(), tau - tau.mean()
     return float(x @ y / (x @ x)) if np.any(x) else 0.0
-
-
-def _at_end(theta: Array) -> npt.NDArray[np.bool_]:
-    """Samples at the deflection farthest from the first one."""
-    way = np.abs(theta - theta[0])
-    return np.asarray(way >= (1 - HELD_BAND) * way.max())
 
 
 def _zeroed(x: Array, zero: str) -> Array:

@@ -191,7 +191,9 @@ class Bench:
             same = task_signature(library) == self.wiring
             return "" if same else "the task differs from the one that ships"
         if isinstance(block, Program):
-            return self._program_difference(library, block)
+            # In a process of its own: numbers of a Program index arrays and count passes.
+            same = passes_apart(lambda: not self.program_difference(library, block), ASTRAY_S)
+            return "" if same else "the Program differs from its executor"
         return self.block_difference(library, block, mutant.function)
 
     def block_difference(self, library: HostLibrary, block: Block, function: str = "") -> str:
@@ -204,11 +206,6 @@ class Bench:
                 break
             found = judged.first_difference(*run_c(library.block(block.name), judged.stream))
         return found
-
-    def _program_difference(self, library: HostLibrary, program: Program) -> str:
-        # In a process of its own: numbers of a Program index arrays and count passes.
-        same = passes_apart(lambda: not self.program_difference(library, program), ASTRAY_S)
-        return "" if same else "the Program differs from its executor"
 
     def program_difference(self, library: HostLibrary, program: Program) -> str:
         """Where a Program's C fails against its executor; empty when it holds on all streams."""
