@@ -20,8 +20,6 @@ Text = Callable[[str], str]
 
 @dataclass(frozen=True)
 class LibraryForm:
-    """How a library is laid out."""
-
     name: str
     templates: Mapping[str, str]  # by what they become; ``{p}`` stands for the C's prefix
     steps: tuple[str, ...]  # what to do next, a line each

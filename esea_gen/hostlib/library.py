@@ -7,7 +7,7 @@ header by the C preprocessor, never typed again.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,10 +64,13 @@ class HostLibrary:
         return CRunner(self, name, block, *fields)
 
     def task(self, name: str) -> CRunner:
-        system, task = self.system, self.system.task(name)
-        groups = (system.task_inputs(task), system.task_outputs(task))
+        return CRunner(self, name, self.system, *self.fields(self.system.task(name)), ())
+
+    def fields(self, task: Task) -> tuple[list[Field], list[Field]]:
+        """Fields of a task's input and output structs."""
+        groups = self.system.task_inputs(task), self.system.task_outputs(task)
         inputs, outputs = ([external_field(self.naming, x) for x in group] for group in groups)
-        return CRunner(self, name, system, inputs, outputs, ())
+        return inputs, outputs
 
 
 def compile_system(system: System, real: str, flags: Sequence[str] = ()) -> HostLibrary:
@@ -152,7 +155,7 @@ class CRunner:
     def _prepare(self, params: Any, tunables: Mapping[str, Any]) -> int:
         library, owner = self.library, self.owner
         if isinstance(owner, System):
-            return _prepared(library, params, self._coeffs[0], tunables)
+            return set_tunables(library, library.function, params, self._coeffs[0], tunables)
         for key, value in (owner.default_tunables() | dict(tunables)).items():
             setattr(params, key, library.naming.tunable(owner, key, value))
         getattr(library.lib, f"{self.prefix}_prepare")(params, *self._coeffs)
@@ -227,19 +230,22 @@ class CRunner:
         return {k: v[0] for k, v in outputs.items()}
 
 
-def _prepared(
-    library: HostLibrary, params: Any, coeffs: Any, tunables: Mapping[str, Mapping[str, float]]
+def set_tunables(
+    of: HostLibrary | Renderer,
+    function: Callable[[str], Any],
+    params: Any,
+    coeffs: Any,
+    tunables: Mapping[str, Mapping[str, float]],
 ) -> int:
-    # Set a System's tunables, the others at their defaults: 0, or the number of one refused.
-    system, prefix = library.system, library.prefix
-    known = {(i, t.name): t for i, t in system.tunables}
-    library.function(f"{prefix}_default_params")(params)
+    """Set a System's tunables, the others at their defaults: 0, or the number of one refused."""
+    known = {(i, t.name): t for i, t in of.system.tunables}
+    function(f"{of.prefix}_default_params")(params)
     for instance, values in tunables.items():
         for key, value in values.items():
             taken = known[instance, key].taken(value) if (instance, key) in known else value
-            number = library.naming.tunable(system.blocks[instance], key, taken)
+            number = of.naming.tunable(of.system.blocks[instance], key, taken)
             setattr(getattr(params, instance), key, number)
-    return int(library.function(f"{prefix}_prepare")(params, coeffs))
+    return int(function(f"{of.prefix}_prepare")(params, coeffs))
 
 
 class CBoard:
@@ -254,18 +260,12 @@ class CBoard:
     ) -> None:
         self.library, self.system = library, library.system
         system = library.system
-        self._fields = {
-            t.name: (
-                [external_field(library.naming, x) for x in system.task_inputs(t)],
-                [external_field(library.naming, x) for x in system.task_outputs(t)],
-            )
-            for t in system.tasks
-        }
+        self._fields = {t.name: library.fields(t) for t in system.tasks}
         self.state = self._new("state")
         self.coeffs: tuple[Any, ...] = ()
         if system.tunables:
             params, coeffs = self._new("params"), self._new("coeffs")
-            refused = _prepared(library, params, coeffs, tunables or {})
+            refused = set_tunables(library, library.function, params, coeffs, tunables or {})
             if refused:
                 instance, tunable = system.tunables[refused - 1]
                 raise ValueError(

@@ -100,7 +100,6 @@ def _ended(case: dict[str, Any], how: str) -> str:
 
 
 def _tasks(found: Findings) -> dict[str, Any]:
-    """Tasks with their Blocks in order, and the System's inputs and outputs."""
     system, period_ms = found.device.system, 1000 * found.device.period_s
     tasks = []
     for t in system.tasks:

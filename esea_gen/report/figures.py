@@ -278,7 +278,6 @@ def _decade(value: float, floor: float) -> str:
 
 @styled
 def spread(rows: Sequence[tuple[str, float, float | None]]) -> Figure:
-    """Parameters with their standard deviation, relative to their value."""
     shown = [(n, abs(s / v)) for n, v, s in rows if s is not None and v != 0]
     figure, axes = new_figure(9.6, 0.75 + 0.27 * max(len(shown), 1))
     y = np.arange(len(shown))[::-1]

@@ -110,7 +110,6 @@ def _flags_seen(found: Findings) -> list[dict[str, Any]]:
 
 
 def _worst(found: Findings, real: str) -> dict[str, Any]:
-    """The largest output error of any Block and stream in a number format."""
     verification = found.verification
     full = verification.full_scale
     torque = verification.worst(real, "sensor").get("tau_Nm", 0.0)

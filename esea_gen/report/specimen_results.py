@@ -110,7 +110,6 @@ class SpecimenResults:
         return lines + [f"not known: {NAMES[k]}; {c}" for k, c in wanted.items()]
 
     def wanted(self) -> dict[str, str]:
-        """Missing results, by kind, and the command that computes each."""
         commands = {
             COMPARED: f"esea-gen identify {self.asked} --compare --json compared.json",
             AGREED: "esea-gen reliability SPECIMENS.toml --json reliability.json",

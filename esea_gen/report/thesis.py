@@ -9,7 +9,6 @@ _TONES = {REPRODUCED: "good", TAKEN: "good", DIFFERS: "warn", UNEXPLAINED: "bad"
 
 
 def thesis_page(result: Recomputed, command: str) -> str:
-    """HTML with every table and figure, its verdict and the command behind it."""
     content = result.to_dict()
     return (
         environment()

@@ -146,7 +146,6 @@ def _sweep(folder: Path, path: Path) -> SweepCheck:
 
 
 def check_on_data(folder: Path | str, progress: Callable[[str], None] | None = None) -> DataCheck:
-    """Recompute published bandwidths and judge recorded steps."""
     root = Path(folder)
     say = progress or (lambda _: None)
     sweeps = sorted((root / "chirp").glob("*.csv"))

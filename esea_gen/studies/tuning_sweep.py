@@ -275,7 +275,6 @@ class Tuning:
         }
 
     def device_lines(self) -> list[str]:
-        """Lines for a device file with the chosen values, section by section."""
         case = tuning_case(self.controller).name
         source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
         by_section: dict[str, list[str]] = {}
@@ -363,7 +362,6 @@ def tune(
     workers: int | Workers = 1,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> Tuning:
-    """Sweep parameters against the virtual exoskeleton and choose."""
     choose("plant", plant, PLANT_NAMES)
     device = controller_device(controller)
     known = tunables_of(controller)

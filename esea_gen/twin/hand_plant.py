@@ -21,7 +21,7 @@ import casadi as ca
 from esea_gen.devices.file import DeviceData
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import HostLibrary
+from esea_gen.hostlib.library import HostLibrary, set_tunables
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Port, Tunable
 from esea_gen.language.system import System, Task
@@ -62,7 +62,6 @@ def own_tunables() -> tuple[Tunable, ...]:
 
 
 def cross_tunables() -> tuple[Tunable, ...]:
-    """Tunables that couple the two axes of a hand."""
     return (
         assumed("inertia_cross_kgm2", 0, -10, 10, "inertia between the axes"),
         assumed("damping_cross_Nms_rad", 0, -100, 100, "the hand's own damping between the axes"),
@@ -267,20 +266,12 @@ def prepared(
 ) -> Any:
     """Coefficients of a compiled System with these tunables, and the defaults of the others."""
     system, prefix = of.system, of.prefix
+    known = [f"{i}.{t.name}" for i, t in system.tunables]
+    for name in (f"{i}.{n}" for i, group in values.items() for n in group):
+        if name not in known:
+            raise UserError(f"{system.name} has no tunable {name}.", f"It has: {', '.join(known)}.")
     params, coeffs = ffi.new(f"{prefix}_params_t *"), ffi.new(f"{prefix}_coeffs_t *")
-    function(f"{prefix}_default_params")(params)
-    known = {(i, t.name): t for i, t in system.tunables}
-    for instance, group in values.items():
-        for key, value in group.items():
-            if (instance, key) not in known:
-                names = ", ".join(f"{i}.{n}" for i, n in known)
-                raise UserError(
-                    f"{system.name} has no tunable {instance}.{key}.", f"It has: {names}."
-                )
-            taken = known[instance, key].taken(float(value))
-            number = of.naming.tunable(system.blocks[instance], key, taken)
-            setattr(getattr(params, instance), key, number)
-    refused = int(function(f"{prefix}_prepare")(params, coeffs))
+    refused = set_tunables(of, function, params, coeffs, values)
     if refused:
         instance, tunable = system.tunables[refused - 1]
         raise UserError(

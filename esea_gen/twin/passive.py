@@ -37,7 +37,6 @@ _SPEED_RAD_S, _TAU_NM = 500.0, 1000.0
 
 
 def passive_block(device: DeviceData, step_s: float = STEP_S) -> Block:
-    """Cuff and coupling: one step of the plant."""
     sensor = true_sensor(device, step_s)
     inertia = PLANTS.real.motor_side_inertia_kgm2
     tunables = (
@@ -111,8 +110,6 @@ def passive_system(device: DeviceData, step_s: float = STEP_S, tick_s: float = T
 
 @dataclass(frozen=True)
 class PassiveRun:
-    """Recording of a run at every tick: arrays of shape (ticks,)."""
-
     time_s: Array
     tau_true_Nm: Array
     tau_Nm: Array

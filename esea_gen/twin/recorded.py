@@ -22,8 +22,6 @@ from esea_gen.twin.trajectories import RATE_HZ, Trajectory, tuning
 
 @dataclass(frozen=True)
 class RecordedDrive:
-    """The tuning case, recorded in closed loop with the real plant."""
-
     inputs: dict[str, dict[str, Array]]
     outputs: dict[str, dict[str, Array]]
     run: ClosedLoopRun
@@ -48,7 +46,6 @@ def tuning_signals(device: Device, loop: ClosedLoop, ticks: int) -> dict[str, Ar
 
 
 def record_drive(device: Device, ticks: int, seed: int = 0) -> RecordedDrive:
-    """Run the tuning case and record every task's inputs and outputs."""
     _tuning_case(device, ticks)  # before anything takes time
     plant = plant_variant(device, "real", "none", seed)
     loop = ClosedLoop(device.system, plant, "f32")

@@ -16,12 +16,8 @@ from esea_gen.twin.trajectories import reaches
 
 REACHES = 4
 LONGEST_S, SHORTEST_S = 1.5, 0.05
-AIM_RMS_SHARE = 0.0002
-"""Aim: the whole task's torque within this share of full scale of f64's, RMS over a motion."""
-
-AIM_SHARE = 0.0005
-"""The same for the largest difference."""
-
+# Aims: the whole task's torque within these shares of full scale of f64's over a motion.
+AIM_RMS_SHARE, AIM_SHARE = 0.0002, 0.0005  # RMS, and the largest difference
 DRAWN_SHARE = 0.5  # of the trials; the others change the worst found so far
 CHANGE = 0.15
 

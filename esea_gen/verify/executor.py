@@ -248,7 +248,6 @@ def coefficients_of(block: Block, fmt: Format, tunables: Mapping[str, float]) ->
 
 
 def initial_state(block: Block, fmt: Format, coefficients: Sequence[Array]) -> list[Array]:
-    """State after ``init``, by this executor."""
     return flat_results(fmt.passes(walk(block.init)), fmt, coefficients)
 
 

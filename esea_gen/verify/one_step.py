@@ -16,12 +16,20 @@ from esea_gen.emit.error_bounds import node_errors, step_bound
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, Node
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Array
+from esea_gen.language.ports import Array, Port
 from esea_gen.language.stream import Stream
 from esea_gen.verify.executor import coefficients_of, emitted_kernel, evaluate, step_arguments
 from esea_gen.verify.verdict import EXACT_STEP, ONE_STEP, Comparison
 
 DECIDING = frozenset({"lt", "le", "eq", "ne"})
+
+
+def _results(
+    block: Block, outputs: dict[str, Array], states: dict[str, Array]
+) -> list[tuple[Port, Array]]:
+    # In the order of the kernel's.
+    both = (block.state, states), (block.outputs, outputs)
+    return [(p, values[p.name]) for ports, values in both for p in ports]
 
 
 class ExactStep:
@@ -43,10 +51,8 @@ class ExactStep:
         single = FORMATS["f32"]
         kernel, _ = emitted_kernel(self.block, single)
         values = evaluate(kernel, single, step_arguments(self.block, stream, states, single))
-        told = [states[p.name] for p in self.block.state]
-        told += [outputs[p.name] for p in self.block.outputs]
-        ports = (*self.block.state, *self.block.outputs)
-        for p, value, nodes in zip(ports, told, kernel.results, strict=True):
+        results = _results(self.block, outputs, states)
+        for (p, value), nodes in zip(results, kernel.results, strict=True):
             own = np.stack([values[i].astype(np.float64) for i in nodes], axis=1)
             c = np.asarray(value, np.float64).reshape(stream.steps, p.size)
             if np.any(c != own):  # NaN differs too
@@ -101,12 +107,9 @@ class StepRule:
         # CasADi's own evaluation of the step, for all steps at once.
         mapped = self.block.step.map(stream.steps).call([ca.DM(a.T) for a in double])
         expected = [np.asarray(r, dtype=float).T for r in mapped]
-        ports = (*self.block.state, *self.block.outputs)
-        got = [states[p.name] for p in self.block.state] + [
-            outputs[p.name] for p in self.block.outputs
-        ]
+        results = _results(self.block, outputs, states)
         limits = [self.bound.states, self.bound.outputs]
-        for k, (p, value, nodes) in enumerate(zip(ports, got, self.kernel.results, strict=True)):
+        for k, ((p, value), nodes) in enumerate(zip(results, self.kernel.results, strict=True)):
             # CasADi's own value where all decisions are its own; else the told one.
             own = np.where(turned[:, None], np.stack([told[i] for i in nodes], axis=1), expected[k])
             c = np.asarray(value, np.float64).reshape(stream.steps, p.size)

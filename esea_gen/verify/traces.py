@@ -67,7 +67,6 @@ class Trace:
     full_scale: dict[str, float]
 
     def text(self) -> str:
-        """The trace as CSV with a comment above."""
         out = io.StringIO()
         out.write(
             f"{MARK}: {self.device}, a tick of {self.period_s:.9g} s, every {EVERY}th step.  A "

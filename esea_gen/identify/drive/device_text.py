@@ -15,10 +15,6 @@ from esea_gen.identify.drive.regression import CONFIDENCE, Estimate
 LONGEST_NAME = 15
 
 
-def updated_name(device: Device) -> str:
-    return device.name if device.name.endswith("_id") else f"{device.name[: LONGEST_NAME - 3]}_id"
-
-
 def _quantity(e: Estimate, source: str, key: str) -> Quantity:
     facts = field_facts(f"actuator.{key}")
     value = float(f"{e.value:.6g}")
@@ -38,12 +34,12 @@ def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, ti
     a = device.file.actuator
     assert a is not None
     numbers = {k: _quantity(e, source, k) for k, e in found.items()}
-    encoder = device.file.encoder
+    encoder, name = device.file.encoder, device.name
     # Written as an extension, which takes no zeros over.
     encoder = encoder.unzeroed() if device.given[0] in shipped_devices() else encoder
     file = device.file.model_copy(
         update={
-            "name": updated_name(device),
+            "name": name if name.endswith("_id") else f"{name[: LONGEST_NAME - 3]}_id",
             "title": f"{device.title}, {title}"[:200],
             "encoder": encoder,
             "actuator": a.model_copy(update=numbers),

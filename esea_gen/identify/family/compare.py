@@ -214,7 +214,6 @@ def compare(
     peers: bool = True,
     how: Searching | None = None,
 ) -> ModelComparison:
-    """Compare the thesis' model, the members of the family and the peers on recordings."""
     tell: Progress = progress or (lambda share, text: None)
     source = load_mapping(mapping_path, data_folder)
     # A lag or a gap that is left to the fit is the published model's for all.

@@ -145,11 +145,7 @@ def _viscosity(shape: Mapping[str, float], kv: float) -> dict[str, float]:
 
 
 def _inside(values: Mapping[str, float]) -> dict[str, float]:
-    out = {}
-    for key, v in values.items():
-        low, high = bounds_of(key)
-        out[key] = min(max(v, low), high)
-    return out
+    return {k: float(np.clip(v, *bounds_of(k))) for k, v in values.items()}
 
 
 # What each searched number stands for, in the order of :class:`Space`.

@@ -324,7 +324,6 @@ def torque_uncertainty(
     limit_s: float = math.inf,
     progress: Callable[[str], None] | None = None,
 ) -> TorqueUncertainty:
-    """Torque uncertainty by Monte-Carlo over the published signals."""
     say = progress or (lambda _: None)
     chosen = spread or assumed_spread(device)
     moves = motions(device, limit_s, say)

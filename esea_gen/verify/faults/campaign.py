@@ -158,8 +158,6 @@ def _when(r: FaultRun) -> str:
 
 @dataclass(frozen=True)
 class FaultCampaign:
-    """A campaign's result; everything in it is simulated."""
-
     device: str
     content: str
     envelope: LimbEnvelope

@@ -21,8 +21,6 @@ DEFAULT_EMULATOR = "mps2-an500"
 
 @dataclass(frozen=True)
 class EmulatedFault:
-    """One fault, in ``sim`` and on the emulated board."""
-
     input: str
     kind: str
     scene: str

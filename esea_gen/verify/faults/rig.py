@@ -73,7 +73,6 @@ class StretchReflex:
 
 
 def subject_of(name: str) -> Subject:
-    """By its name, here or in ``plants.toml``."""
     return SUBJECTS[name] if name in SUBJECTS else Subject(PEOPLE[name])
 
 

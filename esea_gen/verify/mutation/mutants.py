@@ -198,7 +198,6 @@ def _with_kernel(
 
 
 def mutants(device: Device, real: str) -> list[Mutant]:
-    """Every mutant of a device's emitted C: its Blocks, its Programs' bodies, and the wiring."""
     fmt = FORMATS[real]
     stem = f"esea_{device.name}"
     found: list[Mutant] = []
