@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from esea_gen.analysis.cluster import connected, run_on
 from esea_gen.analysis.journal import Configuration, Journal, Result, canonical
@@ -24,6 +24,7 @@ from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.errors import UserError
 
 Case = Mapping[str, Any]
+Progress = Callable[[int, int, int], None]
 Function = Callable[..., Mapping[str, float]]
 
 IDLE_S = 20.0
@@ -51,6 +52,14 @@ class Workers:
             raise UserError(f"workers: {self.jobs}.", "Give 1 or more, or -1 for all cores.")
 
 
+class Running(TypedDict, total=False):
+    """What :func:`run_cases` takes of how cases run."""
+
+    folder: Path | str | None
+    workers: int | Workers
+    progress: Progress | None
+
+
 # -- running --------------------------------------------------------------------------------------
 
 
@@ -76,7 +85,7 @@ def run_cases(
     folder: Path | str | None = None,
     workers: int | Workers = 1,
     retry_failed: bool = False,
-    progress: Callable[[int, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> MonteCarlo:
     """Run cases in parallel: results in their order, independent of workers and resumption.
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from esea_gen.analysis.campaign import Progress
 from esea_gen.analysis.plots import COLOURS, new_figure, styled
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK
@@ -155,7 +156,7 @@ def simulate_off(
     study: str,
     settings: Sequence[Setting],
     *,
-    progress: Callable[[int, int, int], None] | None = None,
+    progress: Progress | None = None,
     **how: Any,
 ) -> Simulation | OffTable:
     """Run a study in settings that differ in controller and family; ``how`` as of `simulate`."""

@@ -10,17 +10,16 @@ import copy
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, Unpack
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from esea_gen.analysis import plots
-from esea_gen.analysis.campaign import run_cases
+from esea_gen.analysis.campaign import Running, run_cases
 from esea_gen.analysis.journal import Configuration, file_digest, files_digest, rooms_digest
 from esea_gen.analysis.monte_carlo import MonteCarlo
 from esea_gen.control.limits.faults import FAULT_TEXT, Fault
@@ -355,9 +354,7 @@ def simulate(
     *,
     seed: int = 0,
     runs: int = 1,
-    workers: Any = 1,
-    folder: Path | None = None,
-    progress: Callable[[int, int, int], None] | None = None,
+    **how: Unpack[Running],
 ) -> Simulation:
     """Run a study of the package, or ``FILE.py:name``; with the journal's folder it goes on."""
     s = setting or Setting()
@@ -395,8 +392,7 @@ def simulate(
     seeds = tuple(range(seed, seed + runs))
     cases = [{"study": study, "case": n, "seed": k, **fixed} for k in seeds for n in names]
     keeping = chosen.keeps or (runs == 1 and len(names) <= MOST_PANELS)
-    how = {"configuration": Configuration(parts), "folder": folder}
-    done, kept = _run(cases, len(names) if keeping else 0, workers, progress, how)
+    done, kept = _run(cases, len(names) if keeping else 0, Configuration(parts), **how)
     return Simulation(chosen, s, seeds, done, kept)
 
 
@@ -414,13 +410,13 @@ def _check_time(study: ClosedLoopStudy, text: str) -> None:
 def _run(
     cases: list[dict[str, Any]],
     keeping: int,
-    workers: Any,
-    progress: Callable[[int, int, int], None] | None,
-    how: dict[str, Any],
+    configuration: Configuration,
+    **how: Unpack[Running],
 ) -> tuple[MonteCarlo, dict[str, Any]]:
     # Signals do not travel: the runs of which something is kept are done in this process, first.
     kept: dict[str, Any] = {}
     first: tuple[Any, ...] = ()
+    progress = how.get("progress")
 
     def keep(**case: Any) -> dict[str, float]:
         return simulate_case(**case, kept=kept)
@@ -430,15 +426,16 @@ def _run(
             before = sum(r.values is None for r in first)
             progress(len(first) + done, len(cases), before + failed)
 
+    how["progress"] = tell
     if keeping:
-        first = run_cases(keep, cases[:keeping], progress=tell, **how).results
+        here: Running = {**how, "workers": 1}
+        first = run_cases(keep, cases[:keeping], configuration=configuration, **here).results
         for r in first:
             # Out of a journal, which holds figures only.
             if r.values is not None and r.case["case"] not in kept:
                 keep(**r.case)
     rest: tuple[Any, ...] = ()
     if cases[keeping:]:
-        rest = run_cases(
-            simulate_case, cases[keeping:], workers=workers, progress=tell, **how
-        ).results
-    return MonteCarlo(how["configuration"], (*first, *rest)), kept
+        left = cases[keeping:]
+        rest = run_cases(simulate_case, left, configuration=configuration, **how).results
+    return MonteCarlo(configuration, (*first, *rest)), kept

@@ -8,16 +8,16 @@ slope lambda with phi fixed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.campaign import Running, run_cases
 from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.plots import cell_edges, frequency_axis, new_figure, styled
 from esea_gen.device import Device
@@ -359,8 +359,7 @@ def tune(
     parameter: str | None = None,
     values: Sequence[float] = (),
     seed: int = 0,
-    workers: int | Workers = 1,
-    progress: Callable[[int, int, int], None] | None = None,
+    **how: Unpack[Running],
 ) -> Tuning:
     choose("plant", plant, PLANT_NAMES)
     device = controller_device(controller)
@@ -374,9 +373,7 @@ def tune(
             | {"controller": controller, "plant": plant, "seed": seed}
             for v in _values(device, name, known[name], tried)
         ]
-        done = run_cases(
-            run_trial, cases, configuration=configuration, workers=workers, progress=progress
-        )
+        done = run_cases(run_trial, cases, configuration=configuration, **how)
         trials = tuple(trial_of(r) for r in done.results)
         chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
         return TunableSweep(name, held, trials, chosen, reason)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullLocator
 
-from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.campaign import Running, run_cases
 from esea_gen.analysis.journal import Configuration, Result, rooms_digest
 from esea_gen.analysis.passivity import Hand, hand_family
 from esea_gen.analysis.plots import cell_edges, new_figure, styled
@@ -282,8 +282,7 @@ def study_interaction(
     wall_Nm_rad: float = 0.0,
     sliding: bool = True,
     axis: str = "",
-    workers: int | Workers = 1,
-    progress: Callable[[int, int, int], None] | None = None,
+    **how: Unpack[Running],
 ) -> InteractionStudy:
     """Passivity of the rendered impedance over its gains, by runs of the compiled controller."""
     choose("plant", plant, PLANT_NAMES)
@@ -312,9 +311,7 @@ def study_interaction(
     # The sliding condition first: it compiles, before the workers would each do it.
     checks = check_sliding(controller, seed=seed) if sliding else ()
     run_push(**cases[0])
-    done = run_cases(
-        run_push, cases, configuration=configuration, workers=workers, progress=progress
-    )
+    done = run_cases(run_push, cases, configuration=configuration, **how)
     runs = {_key(r): _finished(r) for r in done.results}
     region = push_map(kp, kd, hands, runs, push_rad_s)
     marked = tuple((p, d, push_map([p], [d], hands, runs, push_rad_s).mark(0, 0)) for p, d in marks)

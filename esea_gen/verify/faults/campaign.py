@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.campaign import Progress, Running, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.board.driven import CURRENT_TICKS
 from esea_gen.control.limits.safety import STALE_PERIODS
@@ -317,9 +316,7 @@ def fault_campaign(
     *,
     runs: int = DEFAULT_RUNS,
     seed: int = 0,
-    workers: Workers | int = 1,
-    folder: Path | None = None,
-    progress: Callable[[int, int, int], None] | None = None,
+    **how: Unpack[Running],
 ) -> FaultCampaign:
     """Let a device's board ``sim`` fail in so many ways, with plant and person in the loop."""
     device = loaded(origin)
@@ -332,9 +329,7 @@ def fault_campaign(
         run_one,
         campaign_cases(device, origin, runs, seed),
         configuration=Configuration({"code": rooms_digest(), "device": content}),
-        folder=folder,
-        workers=workers,
-        progress=progress,
+        **how,
     )
     limits = envelope(device)
     made = []
@@ -351,7 +346,7 @@ def with_emulated(
     runs: int,
     seed: int,
     count: int,
-    progress: Callable[[int, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> FaultCampaign:
     """The same, with so many of its faults played to an emulated processor."""
     device = loaded(origin)

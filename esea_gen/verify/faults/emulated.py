@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from esea_gen.analysis.campaign import Progress
 from esea_gen.board.scripted import TapedBoard, play
 from esea_gen.device import Device
 from esea_gen.errors import UserError
@@ -41,7 +42,7 @@ def emulated_sample(
     count: int,
     seed: int,
     board: str = DEFAULT_EMULATOR,
-    progress: Callable[[int, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[EmulatedFault]:
     """Draw faults of a campaign and run them in ``sim`` and in the emulator."""
     able = [c for c in cases if c["place"] not in _ELSEWHERE]

@@ -8,12 +8,11 @@ from __future__ import annotations
 import math
 import random
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
-from esea_gen.analysis.campaign import Workers, run_cases
+from esea_gen.analysis.campaign import Running, run_cases
 from esea_gen.analysis.journal import Configuration, rooms_digest
 from esea_gen.device import Device
 from esea_gen.emit.build import device_hash
@@ -170,9 +169,7 @@ def people_table(
     controllers: Sequence[str] = (),
     seeds: int = SEEDS,
     first_seed: int = 0,
-    workers: Workers | int = 1,
-    folder: Path | None = None,
-    progress: Callable[[int, int, int], None] | None = None,
+    **how: Unpack[Running],
 ) -> PeopleTable:
     """Run :data:`ENCODERS` or :data:`STOPS`, each law with every seed."""
     laws = list(controllers) or [""]
@@ -194,9 +191,7 @@ def people_table(
             for case in made.values()
         ],
         configuration=Configuration({"code": rooms_digest(), "device": hashes}),
-        folder=folder,
-        workers=workers,
-        progress=progress,
+        **how,
     )
     names = [n or "its law" for n in laws]
     rows: dict[str, list[Run]] = {}
