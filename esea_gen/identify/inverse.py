@@ -13,7 +13,7 @@ little that kappa does not do as well: the result has the uncertainty of each.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -293,7 +293,7 @@ def refit_inverse(
     fitted = _with_inverse(device, values, sigma, source)
     sets = judge_inverse(fitted, recordings)
     published = judge_inverse(_with_inverse(device, PLAY_DEFAULTS, {}, "table 4.2"), recordings)
-    notes = _notes(values, sigma, correlation, reach, (low, high), x, sets, published)
+    notes = tuple(_notes(values, sigma, correlation, reach, (low, high), x, sets, published))
     tell(1.0, "inverse, done")
     return InverseFit(
         device=fitted,
@@ -371,27 +371,24 @@ def _notes(
     x: Array,
     sets: Misfits,
     published: Misfits,
-) -> tuple[str, ...]:
-    notes = []
+) -> Iterator[str]:
     margin = 1e-3 * (space[1][1] - space[0][1])
     if x[1] <= space[0][1] + margin:
-        notes.append(
+        yield (
             "Inverse: the thresholds are as small as allowed: the data show no hysteresis for the "
             "play operators, and chi and phi mean nothing."
         )
     elif x[1] >= space[1][1] - margin:
-        notes.append("Inverse: the thresholds are as large as the recorded range allows.")
+        yield "Inverse: the thresholds are as large as the recorded range allows."
     for key, value in values.items():
         bound, s = play_at_bound(key, value), sigma[key]
         if bound:
-            notes.append(f"Inverse: {key} = {value:.4g} is at its {bound} bound.")
+            yield f"Inverse: {key} = {value:.4g} is at its {bound} bound."
         elif s is not None and s > SHARP * abs(value):
-            notes.append(
-                f"Inverse: {key} = {value:.4g} is poorly determined (standard deviation {s:.2g})."
-            )
+            yield f"Inverse: {key} = {value:.4g} is poorly determined (standard deviation {s:.2g})."
     low, high = play_bounds("phi_1_rad")
     if reach[1] - reach[0] > 0.5 * (high - low):
-        notes.append(
+        yield (
             "Inverse: phi is not identifiable: from "
             f"{reach[0]:.3g} to {reach[1]:.3g} 1/rad the RMS error rises by less than "
             f"{100 * SEEN:g} %, kappa and chi making up for it."
@@ -399,21 +396,20 @@ def _notes(
     for pair, c in correlation.items():
         if abs(c) > ALIKE:
             a, b = pair.split()
-            notes.append(f"Inverse: {a} and {b} are correlated by {c:+.3f}.")
+            yield f"Inverse: {a} and {b} are correlated by {c:+.3f}."
     ours, theirs = sets.mean_rms(True), published.mean_rms(True)
     if math.isfinite(ours) and theirs < ours:
-        notes.append(
+        yield (
             f"Inverse: on held-out cycles table 4.2 does better ({theirs:.3g} rad) than the refit "
             f"({ours:.3g} rad)."
         )
     trained = sets.mean_rms(False)
     if math.isfinite(ours) and ours > 1.5 * trained:
-        notes.append(
+        yield (
             f"Inverse: held out {ours:.3g} rad against {trained:.3g} rad in training: the fit does "
             "not carry over well."
         )
-    notes.append(
+    yield (
         f"Inverse: {PLAYS} play operators, rate neglected as published; the observer's filter is "
         'chosen with inverse.filter, and kind = "exact" needs none of these numbers.'
     )
-    return tuple(notes)

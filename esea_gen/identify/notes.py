@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -45,9 +45,8 @@ def notes_of(
     spread: Uncertainty,
     verdict: Verdict,
     pair: tuple[Verdict, Verdict] | None,
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """Notes of the published model; pair: without and with rate terms, where both were fitted."""
-    notes = []
     if "kv_Nm_rad" not in fit.values:
         if fit.rate_dropped:
             why = "the fit gave the Maxwell element no stiffness, so it is left out"
@@ -57,14 +56,14 @@ def notes_of(
             why = "no time was recorded; the sampling period is assumed"
         else:
             why = "the mapping has rate_terms = false"
-        notes.append(f"Rate terms not identified: {why}.")
+        yield f"Rate terms not identified: {why}."
     else:
-        notes.append(
+        yield (
             "A, eps1, B and eps2 can all be multiplied by one number without changing the torque: "
             f"eps2 is fixed at {fit.values['eps2']:.4g}, the others are relative to it."
         )
     if "kv_Nm_rad" in fit.values and not all(r.timed for r in recordings):
-        notes.append(
+        yield (
             "The rate terms rest on a sampling period that is only assumed: their parameters are "
             "marked assumed too."
         )
@@ -74,43 +73,41 @@ def notes_of(
         helps = "the rate terms help."
         if b >= a:
             helps = "the rate terms do not help, and are left out."
-        notes.append(
+        yield (
             f"Held-out error without the Maxwell element {a:.2f} %, with it {b:.2f} % of full "
             f"scale: {helps} That choice used the held-out data."
         )
-    notes += recording_notes(source, recordings)
-    notes += specimen_notes(verdict, softens=False)
-    notes += temperature_notes(recordings)
-    notes += [f"{e[0].upper()}{e[1:]}." for e in fit.edges.values()]
+    yield from recording_notes(source, recordings)
+    yield from specimen_notes(verdict, softens=False)
+    yield from temperature_notes(recordings)
+    yield from (f"{e[0].upper()}{e[1:]}." for e in fit.edges.values())
     for key, value in fit.values.items():
         bound = None if key == "eps2" else at_bound(key, value)
         sigma = spread.sigma.get(key)
         if bound:
-            notes.append(f"{key} = {value:.4g} is at its {bound} bound.")
+            yield f"{key} = {value:.4g} is at its {bound} bound."
         elif sigma is not None and sigma > SHARP * abs(value):
-            notes.append(
+            yield (
                 f"{key} = {value:.4g} is poorly determined (standard deviation "
                 + (f"{sigma:.2g})." if math.isfinite(sigma) else "infinite).")
             )
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
     if fit.values["omega_rad"] >= reach:
-        notes.append(
+        yield (
             "No stop slips within the recorded deflection: the stops are a spring there, not to be "
             "told from k1."
         )
     if fit.values["alpha_Nm_rad"] == 0:
-        notes.append("The stop operators carry no torque: beta and omega mean nothing.")
-    return tuple(notes)
+        yield "The stop operators carry no torque: beta and omega mean nothing."
 
 
-def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[str]:
+def recording_notes(source: MappingFile, recordings: list[Recording]) -> Iterator[str]:
     """Of the data, whatever the model."""
-    notes = []
     if scales_assumed(source):
-        notes.append("The scales from the specimen to a coupling are assumed.")
+        yield "The scales from the specimen to a coupling are assumed."
     dropped = sum(r.dropped for r in recordings)
     if dropped:
-        notes.append(
+        yield (
             f"{dropped} of {dropped + sum(len(r.time_s) for r in recordings)} samples dropped by "
             f"sampling.min_step_s = {source.mapping.sampling.min_step_s:g} s."
         )
@@ -118,107 +115,104 @@ def recording_notes(source: MappingFile, recordings: list[Recording]) -> list[st
         if len(r.time_s) > 2:
             steps = np.diff(r.time_s)
             if steps.max() > 10 * np.median(steps):
-                notes.append(f"{r.label}: the largest gap between samples is {steps.max():.3g} s.")
-    return notes
+                yield f"{r.label}: the largest gap between samples is {steps.max():.3g} s."
 
 
 def band_notes(
     recordings: Sequence[Recording], verdict: Verdict, spread: LeftOut, full_scale_Nm: float
-) -> list[str]:
+) -> Iterator[str]:
     """How far the torque may be off, by this device's own residuals, and how far it was."""
     error = np.concatenate(
         [(verdict.torque_Nm[r.label] - r.tau_Nm)[s.held_out] for r in recordings for s in r.sets]
     )
-    notes = [
+    yield (
         f"Torque: 95 % of errors in blocks left out are below {spread.band_Nm:.3g} Nm "
         f"({100 * spread.band_Nm / full_scale_Nm:.2g} % of full scale), as are "
         f"{100 * covered(error, spread.band_Nm):.0f} % of the held-out samples."
-    ]
+    )
     if spread.friction_Nm is not None:
         way = "less" if spread.friction_Nm < 0 else "more"
-        notes.append(
+        yield (
             f"The residuals show {abs(spread.friction_Nm):.3g} Nm {way} friction than the model "
             "has; the standard deviations include its effect."
         )
-    return notes
 
 
-def specimen_notes(verdict: Verdict, softens: bool) -> list[str]:
+def specimen_notes(verdict: Verdict, softens: bool) -> Iterator[str]:
     """Of the specimen; softens: whether the model does."""
-    notes = []
     sets = [s for s, _, _ in verdict.misfits.sets]
     asymmetries = [s.asymmetry for s in sets if s.asymmetry is not None]
     if not asymmetries:
-        notes.append(
+        yield (
             "Loaded to one side only: asymmetry cannot be judged, and the model's other side is an "
             "assumption."
         )
     else:
         worst = max(asymmetries, key=abs)
         verdict_text = "above" if abs(worst) > ASYMMETRY_LIMIT else "within"
-        notes.append(
+        yield (
             f"Asymmetry: stiffness to the two sides differs by up to {100 * worst:+.1f} %, "
             f"{verdict_text} our limit of {100 * ASYMMETRY_LIMIT:g} % (the thesis discarded "
             "asymmetric specimens; it prints no limit)."
         )
     softening = [s.softening for s in sets if s.softening is not None]
     if softening and max(softening) < LEAST_SOFTENING:
-        notes.append(
+        yield (
             "Mullins effect or scragging: none seen, no block's last cycle loses "
             f"{100 * LEAST_SOFTENING:g} % less work than its first full one."
         )
     elif softening:
-        notes.append(
+        yield (
             f"Mullins effect or scragging: the last cycle of a block loses up to "
             f"{100 * max(softening):.0f} % less work than its first full one; the model has "
             f"{'softening for it' if softens else 'no term for it'}."
         )
-    return notes
 
 
 def temperature_notes(
     recordings: Sequence[Recording],
     factor: TemperatureFactor | None = None,
     sigma_per_K: float | None = None,
-) -> list[str]:
+) -> Iterator[str]:
     """Notes on the recordings' temperatures; empty if none was recorded."""
     known = temperatures_of(recordings, training=True)
     if not known:
-        return []
+        return
     if factor is None and far_apart(known):
-        return [
+        yield (
             f"Temperature: the recordings are at {known[0]:g} to {known[-1]:g} degC, and the "
             "published model has no factor of temperature: it takes them for one."
-        ]
+        )
+        return
     if factor is None or sigma_per_K is None:
-        return [
+        yield (
             f"Temperature: what it changes is not known; training is at {known[0]:g} to "
             f"{known[-1]:g} degC, and two at least {LEAST_APART_K:g} K apart would tell."
-        ]
+        )
+        return
     low, high = (100 * (factor.per_K + side * LIKELY * sigma_per_K) for side in (-1, 1))
-    notes = [
+    yield (
         f"Temperature: every weight but an offset's changes by {100 * factor.per_K:.3g} % a kelvin "
         f"(95 %: {low:.3g} to {high:.3g}), trained from {known[0]:g} to {known[-1]:g} degC. On the "
         "board temperature_C is the reference until somebody sets it, in every Block that has it."
-    ]
+    )
     edge = at_edge(factor)
     if edge is not None:
-        notes.append(
+        yield (
             f"The change a kelvin is at the {edge} end of what is searched, beyond which the "
             f"factor would fall below {LEAST_FACTOR:g} between {factor.low_C:g} and "
             f"{factor.high_C:g} degC, or leave the device file's bounds: the rubber's own may lie "
             "beyond, and its interval says nothing."
         )
     elif not low * high > 0:
-        notes.append("The change by temperature is not to be told from none.")
-    return notes
+        yield "The change by temperature is not to be told from none."
 
 
 def told_apart_notes(
     fitted: FittedMember, twins: Mapping[int, int], sigma: Mapping[int, float | None]
-) -> list[str]:
+) -> Iterator[str]:
     """Terms of a member that the training data does not distinguish, and data that would."""
-    terms, notes, others = fitted.member.terms, [], []
+    terms, others = fitted.member.terms, []
     softened: dict[str, int] = {}
     for i, k in twins.items():
         soft = terms[i].softening
@@ -228,20 +222,19 @@ def told_apart_notes(
             others.append(f"{terms[i].text} ({terms[k].text})")
     for kind, count in softened.items():
         why, more = UNSEEN[kind]
-        notes.append(
+        yield (
             f"Softening by {kind} is not seen: {why} in what trains. {count} softened "
             f"{'term is' if count == 1 else 'terms are'} not to be told from unsoftened ones, "
             f"which carry that torque: the model does not soften by it, the rubber may. {more}"
         )
     if others:
-        notes.append(
+        yield (
             "Not told apart by what trains, so that the simpler one in brackets carries the "
             f"torque: {'; '.join(others)}."
         )
     open_ended = [terms[i].text for i, s in sigma.items() if s is not None and not math.isfinite(s)]
     if open_ended:
-        notes.append(
+        yield (
             "Not determined, other weights of these give the same torque in what trains (standard "
             f"deviation infinite): {'; '.join(open_ended)}."
         )
-    return notes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -84,16 +85,14 @@ class Report(Findings):
         return render(head, sections, self, title=title, f=self.to_dict(), reals=REAL_NAMES)
 
 
-def verification_problems(verification: Verification) -> list[str]:
-    found = []
+def verification_problems(verification: Verification) -> Iterator[str]:
     for c in verification.comparisons:
         where = f"{c.block}, {REAL_NAMES[c.real]}, {c.stream}"
-        found += [f"{where}: {p}" for p in c.problems]
+        yield from (f"{where}: {p}" for p in c.problems)
         if c.status_differences:
-            found.append(f"{where}: status differs in {c.status_differences} steps")
+            yield f"{where}: status differs in {c.status_differences} steps"
         if c.bit_identical is False:
-            found.append(f"{where}: bits differ from CasADi's own C")
-    return found
+            yield f"{where}: bits differ from CasADi's own C"
 
 
 def gather(

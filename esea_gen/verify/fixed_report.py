@@ -148,16 +148,15 @@ def compare_signal(device: Device, name: str, theta_rad: Array) -> SignalResult:
 
 def _compare_blocks(
     device: Device, library: HostLibrary, say: Callable[[str], None]
-) -> list[BlockResult]:
-    bounds, out = bounds_of(device), []
+) -> Iterator[BlockResult]:
+    bounds = bounds_of(device)
     for block in device.system.kinds:
         say(f"{block.name}")
         plan, bound = plan_block(block), bounds[block.name]
         runner = library.block(block.name)
         full = {p.name: max(abs(p.low), abs(p.high)) for p in block.outputs if not p.flags}
         proven = max((bound.outputs[n] / f for n, f in full.items()), default=0.0)
-        measured, turned, problems = 0.0, 0, []
-        kept = False
+        measured, turned, problems, kept = 0.0, 0, list[str](), False
         for stream in streams(block, steps=STREAM_STEPS):
             found = compare_fixed(device, plan, runner, stream, bound)
             problems += [f"{stream.name}: {p}" for p in found.problems]
@@ -166,22 +165,12 @@ def _compare_blocks(
             measured = max([measured, *(found.errors[n] / f for n, f in full.items())])
         if not kept:
             problems.append(UNTRIED)
-        out.append(
-            BlockResult(
-                block.name,
-                "all time" if math.isinf(bound.steps) else "one step",
-                proven,
-                measured,
-                len(plan.wide),
-                turned,
-                problems,
-            )
-        )
-    return out
+        lasts = "all time" if math.isinf(bound.steps) else "one step"
+        wide = len(plan.wide)
+        yield BlockResult(block.name, lasts, proven, measured, wide, turned, problems)
 
 
-def _cores(device: Device, say: Callable[[str], None]) -> list[BareResult]:
-    out = []
+def _cores(device: Device, say: Callable[[str], None]) -> Iterator[BareResult]:
     if device.file.joint is None:
         theta = domain_chirp(device, 2.0)
         theta = theta[:: max(1, len(theta) // CORE_STEPS)][:CORE_STEPS]
@@ -194,8 +183,7 @@ def _cores(device: Device, say: Callable[[str], None]) -> list[BareResult]:
         inputs = record_drive(device, CORE_STEPS).inputs
     for real, board in (("q31", "m3"), ("f32", "m3"), ("q31", "m0"), ("f32", "m0"), ("f32", "m4f")):
         say(f"{BARE_BOARDS[board].core}, {real}")
-        out.append(run_bare(device, real, board, inputs))
-    return out
+        yield run_bare(device, real, board, inputs)
 
 
 def check_fixed(
@@ -210,7 +198,7 @@ def check_fixed(
     """Compare a device's q31 C with everything there is to compare it with."""
     say = progress or (lambda text: None)
     library = compile_device(device, "q31")
-    report = FixedReport(device.name, _compare_blocks(device, library, say))
+    report = FixedReport(device.name, list(_compare_blocks(device, library, say)))
     if device.file.joint is None:
         chirps = max(1, round(60.0 * minutes / CHIRP_S))
         long = np.tile(domain_chirp(device, CHIRP_S), chirps)
@@ -221,7 +209,7 @@ def check_fixed(
     if search:
         report.chain = search_chain(device, trials=search, say=say)
     if cores:
-        report.cores = _cores(device, say)
+        report.cores = list(_cores(device, say))
     if prove:
         for block in device.system.kinds:
             say(f"{block.name}, value analysis")

@@ -9,7 +9,7 @@ import platform
 import re
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -91,8 +91,7 @@ def _stack_limit(device: Device, target: Processor) -> int:
     return target.stack_limit_bytes + more + (PROGRAM_STACK_BYTES if programs else 0)
 
 
-def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[str]:
-    found = []
+def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> Iterator[str]:
     tools = target.toolchain
     for item in double_arithmetic(objects, tools):
         file, symbol = item.split(": ")
@@ -108,22 +107,18 @@ def _unwanted(objects: Sequence[Path], target: Processor, libm: bool) -> list[st
             rule = "double arithmetic"
         else:
             rule = "a library function"
-        found.append(f"{file}: asks for {symbol}: {rule}")
-    return found
+        yield f"{file}: asks for {symbol}: {rule}"
 
 
-def _symbols(objects: Sequence[Path], target: Processor) -> list[str]:
-    found = []
+def _symbols(objects: Sequence[Path], target: Processor) -> Iterator[str]:
     for file, symbol, kind, *_ in symbols(objects, target.toolchain):
         if kind in "DdBbCGgSs":
-            found.append(f"{file}: {symbol}: writable data")
+            yield f"{file}: {symbol}: writable data"
         if kind in "TDBRCVWGSi" and not symbol.startswith("esea_"):
-            found.append(f"{file}: {symbol}: an export without the prefix esea_")
-    return found
+            yield f"{file}: {symbol}: an export without the prefix esea_"
 
 
-def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
-    found = []
+def _instructions(objects: Sequence[Path], target: Processor) -> Iterator[str]:
     tool = find_compiler(*target.toolchain.tool("objdump"))
     double = _HOST_DOUBLE if target.name == "host" else _ARM_DOUBLE
     for path in objects:
@@ -131,8 +126,7 @@ def _instructions(objects: Sequence[Path], target: Processor) -> list[str]:
         text = "\n".join(x for x in done.stdout.splitlines() if ":\t" in x)  # without the path
         hits = [" ".join(m.group().split()) for m in double.finditer(text)]
         if hits:
-            found.append(f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'")
-    return found
+            yield f"{path.name}: {len(hits)} double instructions, first '{hits[0]}'"
 
 
 def _stack(
@@ -183,9 +177,8 @@ def check_objects(
             command = [gcc, *measured, "-c", name, "-o", item.name]
             run_tool(command, folder, f"{name} does not compile for {target}")
             objects.append(item)
-        problems = _unwanted(objects, chosen, not single) + _symbols(objects, chosen)
-        if single:
-            problems += _instructions(objects, chosen)
+        problems = [*_unwanted(objects, chosen, not single), *_symbols(objects, chosen)]
+        problems += _instructions(objects, chosen) if single else ()
         used, stack_problems = _stack(device, folder, chosen, single)
         if chosen.name == "host" and "main.c" in texts:
             problems += run_example(texts, real).problems

@@ -7,7 +7,7 @@ shows an inverted decision.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -39,7 +39,7 @@ def other_memories(
 ) -> list[Stream]:
     """Other coefficients, and states that only a long past brings."""
     own = block.streams.memories(block, np.dtype(dtype), np.random.default_rng(seed))
-    found = own + _full_counters(block, seed)
+    found = [*own, *_full_counters(block, seed)]
     found += aimed_stream(block, [*streams(block, steps=1000), *own], dtype)
     if not block.tunables:
         return found
@@ -58,10 +58,9 @@ def other_memories(
     return [Stream("tunables at their ends", base.inputs, base.injections, changes), *found]
 
 
-def _full_counters(block: Block, seed: int) -> list[Stream]:
+def _full_counters(block: Block, seed: int) -> Iterator[Stream]:
     # One counter at its end and the others at 0, while the Block does what it does.
     names = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
-    out = []
     for stream in streams(block, seed, 600) if names else ():
         if stream.name in ("corrupt states", "chirp", "random walk"):
             continue
@@ -73,8 +72,7 @@ def _full_counters(block: Block, seed: int) -> list[Stream]:
             k: cases.get(k, {}) | stream.injections.get(k, {})
             for k in sorted({*cases, *stream.injections})
         }
-        out.append(Stream(f"{stream.name}, counters at their ends", stream.inputs, both))
-    return out
+        yield Stream(f"{stream.name}, counters at their ends", stream.inputs, both)
 
 
 AIMED = frozenset({"lt", "le", "fmin", "fmax"})

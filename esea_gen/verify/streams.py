@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -133,7 +133,7 @@ def at_the_limits(
         hit = rng.random(slow.shape) < 0.2
         slow[hit] = rng.choice(_around(block, p, dtype), int(hit.sum()))
         inputs[p.name] = slow
-    cases = _states_at_limits(rng, block, dtype)
+    cases = list(_states_at_limits(rng, block, dtype))
     counters = [f"n_{f.name.lower()}" for q in block.outputs for f in q.flags if f.counted]
     top = 2**32 - 1
     cases += [{c: np.array(top - k)} for c in counters for k in (0, 1, 40)]
@@ -185,8 +185,7 @@ def _around(block: Block, p: Port, dtype: npt.DTypeLike) -> Array:
 
 def _states_at_limits(
     rng: np.random.Generator, block: Block, dtype: npt.DTypeLike
-) -> list[dict[str, Array]]:
-    cases: list[dict[str, Array]] = []
+) -> Iterator[dict[str, Array]]:
     for p in block.state:
         for element in range(p.size):
             for value in _around(block, p, dtype):
@@ -194,7 +193,8 @@ def _states_at_limits(
                 state[element] = value
                 # Among states as they are, and alone: nothing then moves it off the limit.
                 rest = {q.name: np.full(q.size, q.init) for q in block.state}
-                cases += [{p.name: state}, rest | {p.name: state}]
+                yield {p.name: state}
+                yield rest | {p.name: state}
         if p.size > 1:
             # The guard of a vector sums magnitudes: come close to its limit from both sides.
             total = float(np.float32(1.001 * p.size * max(abs(p.low), abs(p.high))))
@@ -202,16 +202,15 @@ def _states_at_limits(
             for value in (limit, np.nextafter(limit, 0), np.nextafter(limit, 2 * limit)):
                 state = np.zeros(p.size)
                 state[int(rng.integers(p.size))] = value[0]
-                cases.append({p.name: state})
+                yield {p.name: state}
             for element in range(p.size):
                 for value in (1.01 * total, -1.01 * total):
                     state = np.zeros(p.size)
                     state[element] = single(value)
-                    cases.append({p.name: state})
+                    yield {p.name: state}
             for share in (0.999999, 1.000001):
                 weights = rng.dirichlet(np.ones(p.size)) * rng.choice([-1, 1], p.size)
-                cases.append({p.name: np.asarray(weights * total * share, dtype).astype(float)})
-    return cases
+                yield {p.name: np.asarray(weights * total * share, dtype).astype(float)}
 
 
 def _end(port: Port, upper: bool) -> float:

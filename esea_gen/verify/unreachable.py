@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from esea_gen.emit.checks import range_checks, vector_total
 from esea_gen.emit.formats.base import Format
@@ -207,13 +207,10 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 }
 
 
-def _choices(kernel: Kernel, comparison: Node, truth: bool) -> list[tuple[int, bool]]:
+def _choices(kernel: Kernel, comparison: Node, truth: bool) -> Iterator[tuple[int, bool]]:
     # A comparison of a constant with a choice that has a constant arm: where that arm contradicts
     # the outcome, the other one was taken.
-    if comparison.op not in _RELATIONS:
-        return []
-    found = []
-    for place in (0, 1):
+    for place in (0, 1) if comparison.op in _RELATIONS else ():
         other = kernel.nodes[comparison.args[1 - place]]
         choice = kernel.nodes[comparison.args[place]]
         if other.op != "const" or choice.op not in ("if_else_zero", "select"):
@@ -228,5 +225,4 @@ def _choices(kernel: Kernel, comparison: Node, truth: bool) -> list[tuple[int, b
                 continue
             sides = (value, other.value) if place == 0 else (other.value, value)
             if _RELATIONS[comparison.op](*sides) != truth:
-                found.append((choice.args[0], not taken))
-    return found
+                yield choice.args[0], not taken

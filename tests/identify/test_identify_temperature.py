@@ -158,9 +158,9 @@ def test_no_change_is_not_told_from_none(tmp_path):
     done = identify_member(recorded(tmp_path, THREE, 0.0, status="assumed"), MODEL)
     assert abs(done.fitted.temperature.per_K) < 4 * done.sigma_per_K < 2e-4
     assert done.device.file.family.temperature.per_K.status == "assumed"
-    told = temperature_notes(done.recordings, TemperatureFactor(23, 1e-5, 15, 31), 1e-4)
+    told = [*temperature_notes(done.recordings, TemperatureFactor(23, 1e-5, 15, 31), 1e-4)]
     assert "not to be told from none" in told[-1]
-    told = temperature_notes(done.recordings, TemperatureFactor(23, 3e-4, 15, 31), 1e-4)
+    told = [*temperature_notes(done.recordings, TemperatureFactor(23, 3e-4, 15, 31), 1e-4)]
     assert len(told) == 1
 
 

@@ -286,22 +286,22 @@ def _run_over_rubbish(runner: CRunner, inputs: Mapping[str, Array]) -> list[byte
     return [out.tobytes(), states.tobytes()]
 
 
-def _board_signature(library: HostLibrary) -> list[bytes]:
+def _board_signature(library: HostLibrary) -> Iterator[bytes]:
     # All tasks on one state, as firmware calls them: what crosses from one to the other, and when.
-    out = []
     for tunables in ({}, _other_tunables(library.system)):
         try:
-            out += _board_run(library, library.board(tunables))
+            board = library.board(tunables)
         except ValueError as error:  # a default that its own check refuses
-            out.append(str(error).encode())
-    return out
+            yield str(error).encode()
+        else:
+            yield from _board_run(library, board)
 
 
-def _board_run(library: HostLibrary, board: CBoard) -> list[bytes]:
+def _board_run(library: HostLibrary, board: CBoard) -> Iterator[bytes]:
     system = library.system
     ticks = 1200
     inputs = {t.name: working_inputs(system, t, ticks // t.every + 1) for t in system.tasks}
-    digest, out = hashlib.sha256(bytes(library.ffi.buffer(board.state))), []
+    digest = hashlib.sha256(bytes(library.ffi.buffer(board.state)))
     for tick in range(ticks):
         board.release(tick)
         for task in system.tasks:
@@ -313,5 +313,4 @@ def _board_run(library: HostLibrary, board: CBoard) -> list[bytes]:
                 digest.update(np.asarray(value, dtype=np.float64).tobytes())
         digest.update(bytes(library.ffi.buffer(board.state)))
         if tick % 100 == 99:
-            out.append(digest.digest())
-    return out
+            yield digest.digest()
