@@ -16,12 +16,12 @@ from pathlib import Path
 
 import pytest
 
-from esea_gen import cli
 from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.cluster import code_digest
 from tests.analysis.test_campaign import CONFIG, PATHS, killed_and_resumed, until
 from tests.campaign_cases import compiled, draw, noted, seeded
 from tests.conftest import ROOT, require_module, require_tool
+from tests.typed import typed
 
 pytestmark = pytest.mark.ci
 
@@ -152,52 +152,48 @@ def test_a_killed_campaign_goes_on_on_a_cluster(dask, tmp_path):
     killed_and_resumed(tmp_path, cluster=dask.address)
 
 
-def command(monkeypatch, capsys, *arguments):
-    """What a person reads, once the command line has left with 2, and after how long."""
-    monkeypatch.setattr("sys.argv", ["esea-gen", *map(str, arguments)])
+def refused(*arguments):
+    """What a person reads, and after how long."""
     begun = time.monotonic()
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    shown = capsys.readouterr()
-    assert left.value.code == 2, shown.err
-    assert shown.out == ""
-    assert shown.err.startswith("esea-gen: ")
-    assert "\n\n" not in shown.err.strip()
-    return " ".join(shown.err.split()), time.monotonic() - begun
+    done = typed(*arguments)
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
+    assert done.stderr.startswith("esea-gen: ")
+    assert "\n\n" not in done.stderr.strip()
+    return " ".join(done.stderr.split()), time.monotonic() - begun
 
 
 @pytest.mark.parametrize("name", ["simulate tuning", "passivity", "tune"])
-def test_a_wrong_address_is_told_before_anything_is_computed(monkeypatch, capsys, name):
-    text, took_s = command(monkeypatch, capsys, *name.split(), "--cluster", "nowhere")
+def test_a_wrong_address_is_told_before_anything_is_computed(name):
+    text, took_s = refused(*name.split(), "--cluster", "nowhere")
     assert "No Dask scheduler at 'nowhere'" in text
     assert "missing port number" in text
     assert "tcp://10.0.0.5:8786" in text
     assert took_s < 15
 
 
-def test_nobody_or_somebody_else_answers(monkeypatch, capsys, dask):
+def test_nobody_or_somebody_else_answers(dask):
     with socket.create_server(("127.0.0.1", 0)) as other:
         silent = f"127.0.0.1:{other.getsockname()[1]}"
-        text, took_s = command(monkeypatch, capsys, "tune", "--cluster", silent)
+        text, took_s = refused("tune", "--cluster", silent)
         assert f"No Dask scheduler at '{silent}' (no answer within 5 s)" in text
         assert took_s < 15
-    text, took_s = command(monkeypatch, capsys, "tune", "--cluster", silent)
+    text, took_s = refused("tune", "--cluster", silent)
     assert f"No Dask scheduler at '{silent}'" in text
     assert took_s < 15
     worker = next(iter(dask.workers()))
-    text, _ = command(monkeypatch, capsys, "tune", "--cluster", worker)
+    text, _ = refused("tune", "--cluster", worker)
     assert "a worker answers there" in text
 
 
-def test_dask_is_not_installed(monkeypatch, capsys):
+def test_dask_is_not_installed(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    text, _ = command(monkeypatch, capsys, "tune", "--cluster", "127.0.0.1:8786")
+    text, _ = refused("tune", "--cluster", "127.0.0.1:8786")
     assert 'pip install "esea-gen[cluster]"' in text
 
 
-def test_workers_that_would_give_other_numbers_are_refused(monkeypatch, capsys, empty, tmp_path):
+def test_workers_that_would_give_other_numbers_are_refused(empty, tmp_path):
     def refusal():
-        text, took_s = command(monkeypatch, capsys, "tune", "--cluster", empty.address)
+        text, took_s = refused("tune", "--cluster", empty.address)
         assert took_s < 60
         return text
 

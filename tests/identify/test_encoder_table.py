@@ -7,10 +7,10 @@ import json
 import numpy as np
 import pytest
 
-from esea_gen.cli import main
 from esea_gen.device import load_device
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.encoder_table import fit_table
+from tests.typed import typed
 
 BITS, PLAY_rad, ZERO_rad = 14, 2e-3, 0.7
 FULL = 1 << BITS
@@ -70,20 +70,15 @@ def test_where_the_joint_never_was_the_neighbours_stand():
     assert "never there" in "\n".join(found.table())
 
 
-def test_the_command_writes_a_device_file_that_has_the_table(tmp_path, monkeypatch):
+def test_the_command_writes_a_device_file_that_has_the_table(tmp_path):
     bits = round(load_device("elbow_drive").file.encoder.resolution_bits.value)
     count, reference, _ = drawn(1, -1)
     rows = zip((count // (1 << (BITS - bits))).astype(int), reference, strict=True)
     text = "count,reference_rad\n" + "".join(f"{c},{r:.12g}\n" for c, r in rows)
     (tmp_path / "bench.csv").write_text(text)
-    monkeypatch.chdir(tmp_path)
     options = ["--values", "16", "--out", "made", "--json", "t.json"]
-    monkeypatch.setattr(
-        "sys.argv", ["esea-gen", "encoder-table", "elbow_drive", "bench.csv", *options]
-    )
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
+    done = typed("encoder-table", "elbow_drive", "bench.csv", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     content = json.loads((tmp_path / "t.json").read_text())
     side = load_device(tmp_path / "made" / "elbow_drive.toml").file.encoder.motor
     assert list(side.correction_rad.values) == content["correction_rad"]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from esea_gen.cli import main
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.identify.drive.friction import SteadyRun, fit_friction, read_run
 from tests.conftest import ROOT
+from tests.typed import typed
 
 DATA = ROOT / "tests" / "data" / "epos_friction"
 FULL_Nm = 9.84e-3  # the drives' nominal torque
@@ -87,16 +87,12 @@ def test_a_real_drive_is_found_as_by_other_means():
     assert found.left_Nm < 0.15 * found.moved_Nm
 
 
-def test_the_command_writes_what_it_found(tmp_path, capsys, monkeypatch):
+def test_the_command_writes_what_it_found(tmp_path):
     runs = [str(p) for p in sorted(DATA.glob("*.csv")) if "worm" not in p.name]
-    asked = ["friction", *runs, "--full-Nm", str(FULL_Nm), "--json", str(tmp_path / "f.json")]
-    asked += ["--device", "elbow_drive", "--out", str(tmp_path)]
-    monkeypatch.setattr("sys.argv", ["esea-gen", *asked])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    said = capsys.readouterr().out
-    assert "Coulomb friction" in said
+    asked = ["friction", *runs, "--full-Nm", FULL_Nm, "--json", tmp_path / "f.json"]
+    done = typed(*asked, "--device", "elbow_drive", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Coulomb friction" in done.stdout
     found = json.loads((tmp_path / "f.json").read_text())["friction"]
     a = parse_device((tmp_path / "elbow_drive_id.toml").read_text(), "x").file.actuator
     # At the joint, behind a gear of 74.

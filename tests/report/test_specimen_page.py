@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from esea_gen.cli import app, main
+from esea_gen.cli import app
 from esea_gen.files import stamped
 from esea_gen.identify import load_mapping, load_recordings
 from tests.browser import browser, readable
 from tests.report.test_report import Page
 from tests.result_schemas import held
 from tests.rigs import rig, written
+from tests.typed import typed
 
 pytestmark = pytest.mark.ci
 
@@ -235,14 +236,11 @@ def other_device() -> str:
         (lambda: shutil.copy("rig.json", "sub"), "its device file rig.toml is not beside it"),
     ],
 )
-def test_what_is_no_result_of_this_specimen_is_refused(at, results, says, monkeypatch, capsys):
+def test_what_is_no_result_of_this_specimen_is_refused(at, results, says):
     (at / "sub").mkdir()
-    words = ["esea-gen", "specimen", "map.toml", *results().split(), "--out", "page.html"]
-    monkeypatch.setattr("sys.argv", words)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert says in " ".join(capsys.readouterr().err.split())
+    done = typed("specimen", "map.toml", *results().split(), "--out", "page.html")
+    assert done.returncode == 2
+    assert says in " ".join(done.stderr.split())
     assert not (at / "page.html").exists()
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from esea_gen.cli import main
 from esea_gen.reproduce.clinic_day import (
     AMPLITUDE_rad,
     Tiring,
@@ -19,6 +18,7 @@ from esea_gen.reproduce.clinic_day import (
     fitted,
     sessions,
 )
+from tests.typed import typed
 
 FLAT = {0.2: 40.0, 0.5: 40.0, 0.75: 40.0}  # % of full scale, whatever the frequency
 
@@ -77,17 +77,11 @@ def test_the_fit_finds_what_a_day_was_made_with(monkeypatch):
 
 
 @pytest.mark.ci
-def test_the_command_says_what_was_published_and_that_it_is_simulated(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    options = ["--json", "c.json", "--figure", "c.png"]
-    monkeypatch.setattr("sys.argv", ["esea-gen", "reproduce", "clinic-day", *options])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 0
-    said = capsys.readouterr().out
-    assert "simulated" in said
+def test_the_command_says_what_was_published_and_that_it_is_simulated(tmp_path):
+    outputs = ["--json", "c.json", "--figure", "c.png"]
+    done = typed("reproduce", "clinic-day", *outputs, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "simulated" in done.stdout
     content = json.loads((tmp_path / "c.json").read_text())
     rows = content["intensities"]
     assert [r["change_published_percent"] for r in rows] == [1.39, 2.70, 2.56]

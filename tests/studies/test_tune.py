@@ -13,23 +13,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen import cli
 from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep import Trial, extremes, tune
 from tests.conftest import require_tool
+from tests.typed import typed
 
 EXTENDED = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
 
 
-def command(monkeypatch, capsys, *arguments: object) -> tuple[int, str, str]:
-    """Exit code, output and error of the command line, in this process."""
-    monkeypatch.setattr("sys.argv", ["esea-gen", *map(str, arguments)])
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    shown = capsys.readouterr()
-    return int(left.value.code or 0), shown.out, " ".join(shown.err.split())
+def command(*arguments: object) -> tuple[int, str, str]:
+    done = typed(*arguments)
+    return done.returncode, done.stdout, " ".join(done.stderr.split())
 
 
 def trial(value: float, **figures) -> Trial:
@@ -73,11 +69,11 @@ def half_run(value, **_) -> dict[str, float]:
     return figures | {"unstable": 0.0, "tripped": 0.0, "fault": 0.0}
 
 
-def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
+def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, tmp_path):
     monkeypatch.setattr("esea_gen.studies.tuning_sweep.run_trial", half_run)
     path, picture = tmp_path / "a.json", tmp_path / "a.png"
     lambdas = ["tune", "--parameter", "lambda_1_s", "--json", path, "--figure", picture, "--values"]
-    code, shown, error = command(monkeypatch, capsys, *lambdas, "1,1.5,2,3")
+    code, shown, error = command(*lambdas, "1,1.5,2,3")
     assert (code, error) == (0, "")
     rows = [line.split() for line in shown.splitlines()]
     (failed,) = [r for r in rows if r[:1] == ["2"]]
@@ -92,7 +88,7 @@ def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, capsys, tmp_path):
     assert sweep["trials"][2]["rms_Nm"] is None
     assert picture.stat().st_size > 10_000
     # None ran: the table says why, and the command fails.
-    code, shown, error = command(monkeypatch, capsys, *lambdas, "3,4")
+    code, shown, error = command(*lambdas, "3,4")
     assert (code, error) == (1, "")
     assert "chosen: none; no value is usable, failed: rms_Nm is inf" in shown
 
@@ -114,11 +110,9 @@ def test_the_printed_controller_needs_the_printed_layer_on_the_nominal_plant():
     assert sweep.trials[0].outside_share > 0.1
 
 
-def test_a_steeper_surface_has_less_error_until_it_overshoots(monkeypatch, capsys, tmp_path):
+def test_a_steeper_surface_has_less_error_until_it_overshoots(tmp_path):
     require_tool("gcc")
     code, shown, error = command(
-        monkeypatch,
-        capsys,
         "tune",
         "--parameter",
         "smc.lambda_1_s",
@@ -189,8 +183,8 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),
     ],
 )
-def test_tune_refuses(monkeypatch, capsys, arguments, words):
-    code, shown, error = command(monkeypatch, capsys, "tune", *arguments)
+def test_tune_refuses(arguments, words):
+    code, shown, error = command("tune", *arguments)
     assert (code, shown) == (2, "")
     assert "Traceback" not in error
     for word in words:
@@ -213,14 +207,12 @@ def test_tune_refuses(monkeypatch, capsys, arguments, words):
         ("sliding_mode", "lambda_1_s", "nan", ["lambda_1_s", "finite"]),
     ],
 )
-def test_a_device_that_cannot_work_is_refused(
-    monkeypatch, capsys, tmp_path, section, key, value, words
-):
+def test_a_device_that_cannot_work_is_refused(tmp_path, section, key, value, words):
     number = f'{{ value = {value}, status = "assumed", source = "test" }}'
     path = tmp_path / "mine.toml"
     path.write_text(f"{EXTENDED}[{section}]\n{key} = {number}\n")
     for arguments in (["simulate", "tuning", "--controller", path], ["tune", "--controller", path]):
-        code, shown, error = command(monkeypatch, capsys, *arguments)
+        code, shown, error = command(*arguments)
         assert (code, shown) == (2, "")
         assert "Traceback" not in error
         for word in ["mine.toml", *words]:
@@ -266,9 +258,7 @@ LONG_RUNS = (
 
 @pytest.mark.ci
 @pytest.mark.parametrize("run", LONG_RUNS, ids=lambda run: "-".join(run[:2]))
-def test_an_output_that_cannot_be_written_is_refused_before_the_run(
-    monkeypatch, capsys, tmp_path, run
-):
+def test_an_output_that_cannot_be_written_is_refused_before_the_run(monkeypatch, tmp_path, run):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a-file").write_text("precious")
     (tmp_path / "folder.png").mkdir()
@@ -286,7 +276,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_run(
         ):
             # The table is printed before anything is written: that it is not there shows that
             # nothing was run.
-            code, shown, error = command(monkeypatch, capsys, *run, option, name)
+            code, shown, error = command(*run, option, name)
             assert (code, shown) == (2, "")
             assert words in error
             assert "Traceback" not in error
@@ -294,14 +284,14 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_run(
     assert (tmp_path / "a-file").read_text() == "precious"
 
 
-def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, capsys, tmp_path):
+def test_a_file_that_fails_at_the_end_leaves_the_table(monkeypatch, tmp_path):
     def full(path, text):
         raise UserError(f"{path}: cannot be written (No space left on device).", "Give another.")
 
     monkeypatch.setattr("esea_gen.studies.tuning_sweep.run_trial", half_run)
     monkeypatch.setattr("esea_gen.files.write_whole", full)
     code, shown, error = command(
-        *(monkeypatch, capsys, "tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
+        *("tune", "--parameter", "lambda_1_s", "--values", "1,1.5"),
         *("--json", tmp_path / "a.json"),
     )
     assert code == 2
