@@ -49,7 +49,7 @@ from esea_gen.identify.published.search_problem import Searching
 from esea_gen.identify.recording.channels import settled
 from esea_gen.identify.recording.conditions import Split, splits_of
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.reading import resample
+from esea_gen.identify.recording.reading import followed_rad, resample
 from esea_gen.identify.recording.recorded import Misfits, Recording, recording_rows, training_sets
 from esea_gen.language.ports import Array
 from esea_gen.model.family import Member
@@ -87,11 +87,8 @@ def maxwell_coulomb(shape: Array, t: Array, x: Array) -> Array:
         decay = math.exp(-step / time)
         mean = (1 - decay) * time / step
         branches.append(np.concatenate([[0.0], lfilter([mean], [1, -decay], np.diff(x))]))
-    inner, friction = x[0], []
-    for value in x.tolist():
-        inner = min(max(inner, value - COULOMB_BAND), value + COULOMB_BAND)
-        friction.append(value - inner)
-    return np.stack([*_springs(x), *branches, np.array(friction)], axis=1)
+    friction = x - followed_rad(x, 2 * COULOMB_BAND)
+    return np.stack([*_springs(x), *branches, friction], axis=1)
 
 
 PEERS: dict[str, tuple[Columns, Array, Array]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -141,9 +142,9 @@ def _one_set(
     tau: Array,
     cycles: Sequence[Cycle],
     use: str,
-    whole: bool,
     spoilt: npt.NDArray[np.bool_],
 ) -> DataSet:
+    whole = use != "cycles"
     if whole:
         every = np.arange(len(theta), dtype=np.intp)
         none = every[:0]
@@ -163,9 +164,6 @@ def _one_set(
         if (a := _stiffness_asymmetry(theta[c.start : c.stop], tau[c.start : c.stop])) is not None
     ]
     amplitudes = [c.amplitude_rad for c in cycles] or [0.5 * float(np.ptp(theta))]
-    counts: dict[str, int] = {}
-    for c in cycles:
-        counts[c.role] = counts.get(c.role, 0) + 1
     # In a whole file (a sweep, say) cycles differ by more than their age.
     several = len(cycles) > 1 and not whole
     work = [loop_work_J(theta, tau, c) for c in cycles]
@@ -176,7 +174,7 @@ def _one_set(
         amplitude_rad=float(np.median(amplitudes)),
         training=training[~spoilt[training]],
         held_out=held_out[~spoilt[held_out]],
-        cycles=counts,
+        cycles=dict(Counter(c.role for c in cycles)),
         asymmetry=float(np.mean(asymmetries)) if asymmetries else None,
         work_first_J=work[0] if several else None,
         work_last_J=work[-1] if several else None,
@@ -194,11 +192,11 @@ def data_sets(
     """Data sets of the error figures, without corrupt samples."""
     spoilt = np.zeros(len(theta), dtype=bool) if spoilt is None else spoilt
     if use != "cycles":
-        return (_one_set(label, theta, tau, cycles, use, True, spoilt),)
+        return (_one_set(label, theta, tau, cycles, use, spoilt),)
     blocks = sorted({c.block for c in cycles if c.role in ("training", "held_out")})
     out = []
     for n, b in enumerate(blocks):
         name = f"{label} block {n + 1}" if len(blocks) > 1 else label
         own = [c for c in cycles if c.block == b and c.role != "transition"]
-        out.append(_one_set(name, theta, tau, own, use, False, spoilt))
+        out.append(_one_set(name, theta, tau, own, use, spoilt))
     return tuple(out)

@@ -100,25 +100,23 @@ def all_faults(
     measured, wanted = measured_and_wanted(device)
     found: list[BoardFault] = []
     while len(found) < most:
-        each: list[BoardFault] = []
         for _ in range(OFTEN):
-            each += [
+            found += [
                 BoardFault(place, kind, rng.choice(AMOUNTS.get(kind, (float(rng.randrange(32)),))))
                 for place in (*measured, *wanted)
                 for kind in INPUT_KINDS
             ]
-            each += [
+            found += [
                 BoardFault("clock", kind, rng.choice(amounts))
                 for kind, amounts in CLOCK_KINDS.items()
             ]
-            each += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
-            each += [BoardFault("operator", "stop"), *more]
+            found += [BoardFault("link", "cut"), BoardFault("stop line", "open")]
+            found += [BoardFault("operator", "stop"), *more]
         for place, all_ in (("state", state), ("coefficients", coefficients)):
-            each += [
+            found += [
                 BoardFault(place, "bit flip", float(rng.randrange(32)), w.name, w.byte)
                 for w in all_
             ]
-        found += each
     return found[:most]
 
 
