@@ -122,7 +122,6 @@ class MonteCarlo:
 
     @property
     def failures(self) -> tuple[Result, ...]:
-        """Cases that failed."""
         return tuple(r for r in self.results if r.values is None)
 
     def values(self, name: str, where: Mapping[str, Any] | None = None) -> Array:

@@ -70,7 +70,6 @@ def plain(value: float) -> str | Markup:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is read."""
     if unit in ("1", "bits"):
         return ""
     raised = unit.replace("^2", "²").replace("^3", "³")

@@ -135,8 +135,6 @@ class Printed:
 
 @dataclass(frozen=True)
 class Misprint:
-    """A misprint: the printed value, the intended one, and the evidence."""
-
     place: str
     printed: str
     meant: str

@@ -165,7 +165,6 @@ def fit_member(
     full_scale_Nm: float,
     least_share: float = LEAST_SHARE,
 ) -> FittedMember:
-    """Solve a member's weights on the training samples of recordings."""
     member, scale = terms.member, trained_scale(recordings)
     basis, target = _weighted(terms, recordings, scale)
     free = [t.kind == "offset" for t in member.terms]
