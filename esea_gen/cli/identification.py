@@ -404,7 +404,7 @@ def friction(
         assert loaded.file.actuator is not None
         numbers = found.at_joint(loaded.file.actuator.gear_ratio.value)
         source = f"{found.runs} runs at steady speeds"
-        updated = with_actuator(loaded, numbers, source, "friction identified")
+        updated = with_actuator(loaded, numbers, source)
         write_whole(folder / updated.origin, actuator_text(loaded, updated, []))
         out.print(f"device file: {folder / updated.origin}")
 

@@ -77,6 +77,7 @@ def _full_counters(block: Block, seed: int) -> Iterator[Stream]:
 
 AIMED = frozenset({"lt", "le", "fmin", "fmax"})
 ITERATIONS = 6
+SEED, TRIALS = 5, 8
 # Ties looked for, for each one that is wanted: most do not show.
 SEARCHED = 8
 FEWEST, MOST = 600, 6000
@@ -86,38 +87,34 @@ SHARE = 4e-3
 
 
 def aimed_stream(
-    block: Block,
-    tried: Sequence[Stream],
-    dtype: npt.DTypeLike = np.float32,
-    seed: int = 5,
-    trials: int = 8,
+    block: Block, tried: Sequence[Stream], dtype: npt.DTypeLike = np.float32
 ) -> list[Stream]:
     """A stream of single steps, each near a tie of one decision of a Block."""
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
     if not aim.decisions:
         return []
-    digest = aim.digest(tried, (seed, trials))
+    digest = aim.digest(tried)
     if digest not in _FOUND:  # of an equal Block, as devices share them
-        _FOUND[digest] = _aimed(aim, tried, seed, trials)
+        _FOUND[digest] = _aimed(aim, tried)
     return _FOUND[digest]
 
 
 _FOUND: dict[str, list[Stream]] = {}
 
 
-def _aimed(aim: _Aim, tried: Sequence[Stream], seed: int, trials: int) -> list[Stream]:
-    rng = np.random.default_rng(seed)
+def _aimed(aim: _Aim, tried: Sequence[Stream]) -> list[Stream]:
+    rng = np.random.default_rng(SEED)
     pool = _pool(aim, tried, rng)
     if not pool:
         return []
     cones = _cones(aim.kernel, aim.first)
-    lacking = dict.fromkeys(aim.decisions, trials)
+    lacking = dict.fromkeys(aim.decisions, TRIALS)
     steps: list[list[Array]] = []
     for _ in range(ROUNDS):
         wanted = [i for i, n in lacking.items() if n > 0]
         if not wanted:
             break
-        count = int(np.clip(SEARCHED * trials * len(wanted), FEWEST, MOST))
+        count = int(np.clip(SEARCHED * TRIALS * len(wanted), FEWEST, MOST))
         rows = rng.integers(len(pool[0]), size=count)
         # Rounded before, so that the tie is one of the numbers that the stream holds.
         start = [single(p[rows]) for p in pool]
@@ -154,11 +151,11 @@ class _Aim:
         ]
         return cls(block, fmt, kernel, decisions, coefficients_of(block, fmt, {}))
 
-    def digest(self, tried: Sequence[Stream], more: tuple[int, ...]) -> str:
+    def digest(self, tried: Sequence[Stream]) -> str:
         # Of all that the search reads.
         exact = coefficients_of(self.block, FORMATS["f64"], {})
         memory = exact, initial_state(self.block, FORMATS["f64"], exact)
-        content = self.fmt.name, self.kernel, self.ports, self.coefficients, memory, tried, more
+        content = self.fmt.name, self.kernel, self.ports, self.coefficients, memory, tried
         return str(joblib.hash(content))
 
     @property

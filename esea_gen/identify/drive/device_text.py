@@ -30,7 +30,7 @@ def _quantity(e: Estimate, source: str, key: str) -> Quantity:
     return Quantity(value=value, status="identified", source=text)
 
 
-def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, title: str) -> Device:
+def with_actuator(device: Device, found: Mapping[str, Estimate], source: str) -> Device:
     a = device.file.actuator
     assert a is not None
     numbers = {k: _quantity(e, source, k) for k, e in found.items()}
@@ -40,7 +40,7 @@ def with_actuator(device: Device, found: Mapping[str, Estimate], source: str, ti
     file = device.file.model_copy(
         update={
             "name": name if name.endswith("_id") else f"{name[: LONGEST_NAME - 3]}_id",
-            "title": f"{device.title}, {title}"[:200],
+            "title": f"{device.title}, friction identified"[:200],
             "encoder": encoder,
             "actuator": a.model_copy(update=numbers),
         }

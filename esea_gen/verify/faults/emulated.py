@@ -41,7 +41,6 @@ def emulated_sample(
     cases: Sequence[dict[str, Any]],
     count: int,
     seed: int,
-    board: str = DEFAULT_EMULATOR,
     progress: Progress | None = None,
 ) -> list[EmulatedFault]:
     """Draw faults of a campaign and run them in ``sim`` and in the emulator."""
@@ -56,7 +55,7 @@ def emulated_sample(
     found = []
     try:
         for k, case in enumerate(drawn):
-            found.append(_one(device, rigs, case, board))
+            found.append(_one(device, rigs, case))
             if progress is not None:
                 progress(k + 1, len(drawn), sum(not f.same for f in found))
     finally:
@@ -65,9 +64,7 @@ def emulated_sample(
     return found
 
 
-def _one(
-    device: Device, rigs: Sequence[FaultRig], case: dict[str, Any], board: str
-) -> EmulatedFault:
+def _one(device: Device, rigs: Sequence[FaultRig], case: dict[str, Any]) -> EmulatedFault:
     fault = BoardFault(case["place"], case["kind"], case["amount"])
     scene = scene_of(case)
     rig = rigs[below_the_inputs(fault)]
@@ -77,7 +74,7 @@ def _one(
     tape = taped.taken()
     if fault.place == "stop line":
         tape.stop_from = case["at"]
-    there = play(device, board, tape)
+    there = play(device, DEFAULT_EMULATOR, tape)
     pairs = list(zip(tape.motor, there.motor, strict=True))
     differs = next((k for k, (a, b) in enumerate(pairs) if a != b), None)
     off = next((k for k, (on, _) in enumerate(tape.motor) if k >= case["at"] and not on), None)
