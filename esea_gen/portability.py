@@ -14,6 +14,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unicodedata
 import warnings
@@ -133,6 +134,23 @@ CAN_FORK = TERMINALS = sys.platform != "win32"
 # Ctrl+C comes as KeyboardInterrupt everywhere.
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
 ENDING_SIGNALS: list[signal.Signals] = [getattr(signal, n) for n in _ENDING if hasattr(signal, n)]
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let Ctrl+C and the ending signals wait until this is done: nothing stays half written."""
+    came: list[int] = []
+    numbers = [signal.SIGINT, *ENDING_SIGNALS]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []  # Python tells the main thread alone
+    before = {n: signal.signal(n, lambda number, _: came.append(number)) for n in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came[:1]:
+            signal.raise_signal(number)
 
 
 def processors() -> int:

@@ -217,6 +217,20 @@ def test_a_wrong_length_costs_one_piece(tmp_path, compress):
         ]
 
 
+class Stopped(np.ndarray):
+    def tolist(self):
+        signal.raise_signal(signal.SIGINT)
+        return super().tolist()
+
+
+def test_ctrl_c_while_rows_are_written_leaves_them_complete(tmp_path):
+    ns = np.arange(10)
+    with pytest.raises(KeyboardInterrupt), Recorder(tmp_path / "a.mcap") as recorder:
+        recorder.rows(LAYOUT, made(0, 10), ns.view(Stopped), ns)
+    with esea_host.open_log(tmp_path / "a.mcap") as log:
+        assert (log.whole, log["sense_out"].rows.tobytes()) == (True, made(0, 10).tobytes())
+
+
 @pytest.mark.parametrize("limit_bytes", [7000, pytest.param(100_001, marks=pytest.mark.ci)])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""

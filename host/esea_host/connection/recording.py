@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.portability import uninterrupted
 from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Receiver
 from esea_host.recording.integrity import Gap
@@ -70,6 +71,10 @@ class LiveRecording:
             self.recorder.event(topic, content)
 
     def drain(self, timeout_s: float) -> None:
+        with uninterrupted():  # what has been taken is written
+            self._drain(timeout_s)
+
+    def _drain(self, timeout_s: float) -> None:
         for batch in self.subscription.take(timeout_s):
             if self._start is None:
                 self._start = batch.arrived_ns, int(batch.board_ns[0])
@@ -96,6 +101,10 @@ class LiveRecording:
             self.error = error  # who holds the recording sees it
 
     def close(self) -> None:
+        with uninterrupted():
+            self._close()
+
+    def _close(self) -> None:
         self._receiver.unsubscribe(self.subscription)  # else a slow disk is never done
         self._stopped.set()
         if self._thread is not None:

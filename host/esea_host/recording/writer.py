@@ -20,6 +20,7 @@ from typing import Any, Self
 from mcap.writer import CompressionType, Writer
 
 from esea_gen.errors import UserError
+from esea_gen.portability import uninterrupted
 from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import PACKAGE, Array, StreamLayout
 
@@ -77,7 +78,8 @@ class Recorder:
         if self.closed:
             raise UserError(*self._ended)
         try:
-            act(*given)
+            with uninterrupted():
+                act(*given)
         except OSError as error:
             self._give_up(error)
 
