@@ -115,7 +115,12 @@ def test_everything_fits_and_stop_is_complete(feed, url, tab, size_px, scheme):
 def test_a_page_without_its_board_or_server_looks_so(feed, tab):
     with browser_view(feed, "127.0.0.1", 0) as url:
         tab.opened(url, 1024, "dark")
+        until(lambda: "no zero" in seen(tab, "acting"))
+        assert "measured \u2013" in seen(tab, "plots")
+        feed.device.zero()
+        goes_on(feed, 1.0)
         until(lambda: goes_on(feed) or "measured 0." in seen(tab, "plots"))
+        assert "no zero" not in seen(tab, "acting")
         feed.came_s = 0.0
         until(lambda: seen(tab, "state") == "NO LINK")
         assert "measured \u2013" in seen(tab, "plots")

@@ -40,7 +40,7 @@ from esea_host.connection import ConnectedDevice, Subscription, open_device
 from esea_host.connection.address import driven_by
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
-from esea_host.windows.meanings import fault_text
+from esea_host.windows.meanings import fault_text, lacks_zero
 
 SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
@@ -115,14 +115,18 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
                 last[batch.layout.name] = batch.rows[-1]
                 rows += len(batch.rows)
             grid = Grid(title=f"{_said(board)}: {board.state()}", title_justify="left")
+            unzeroed = lacks_zero(board.identity.device, last)
             for column in ("signal", "value", "unit", "meaning"):
                 grid.add_column(column, justify="right" if column == "value" else "left")
             for row, c in ((last[x.name], c) for x in layouts if x.name in last for c in x.columns):
                 value = row[c.name].tolist()
                 text = f"{value:.5g}" if isinstance(value, float) else str(value)
+                text += "?" if unzeroed and c.unit.startswith(("rad", "Nm")) else ""
                 grid.add_row(c.name, text, c.unit, c.meaning[:50])
             health = board.health()
             grid.caption = f"{rows} runs; " + ", ".join(f"{k} {v}" for k, v in health.items())
+            for text in unzeroed.values():
+                grid.caption += f"\n{text}"
             if board.texts:
                 grid.caption += f"\nthe board says: {board.texts[-1]}"
             if live is not None:

@@ -96,14 +96,15 @@ class BrowserView:
         flags = ((x, s, f) for a, x in axes for s, f in self.columns.flags(a))
         self._flags = [flag for flag in flags if flag[2].name != MOTOR_OFF]
         panels = ((x, *p) for a, x in axes for p in self.columns.panels(a))
-        shown = [(f"{x}{h[0]} [{h[1]}]", h[1], own) for x, h, own in panels if h[0] in READOUTS]
+        shown = [(f"{x}{h[0]} [{h[1]}]", h, own) for x, h, own in panels if h[0] in READOUTS]
         self._signals = [s for *_, signals in shown for s in signals]
+        self._heads = [h for _, h, _ in shown]
         self._bin_s = max(BIN_S, 2 * max(feed.period_s[s.stream] for s in self._signals))
         self._head = {
             "who": feed.device.identity.who,
             "simulated": feed.device.simulated,
             "drives": self.columns.drives,
-            "panels": [(title, unit, [s.label for s in own]) for title, unit, own in shown],
+            "panels": [(title, h[1], [s.label for s in own]) for title, h, own in shown],
         }
 
     def picture(self, last: int) -> tuple[str, int]:
@@ -125,7 +126,9 @@ class BrowserView:
             "silent": feed.silent,
             "alarms": board_alarms(feed),
             "said": [link_text(feed), feed.news.said],
-            "acting": [x + f.name for x, s, f in acting if f.held(lit[s].rows).any()],
+            "known": [self.columns.known(head) for head in self._heads],
+            "acting": [x + f.name for x, s, f in acting if f.held(lit[s].rows).any()]
+            + list(feed.unzeroed),
             "x": np.round((first + np.arange(2 * count) / 2 + 0.25) * self._bin_s, 4),
             "y": [self._ends(s, rows[s.stream], first, count) for s in self._signals],
         }

@@ -19,7 +19,7 @@ from esea_host.connection import Batch, ConnectedDevice, PlayedBoard
 from esea_host.connection.receiver import KEY
 from esea_host.connection.recording import LiveRecording
 from esea_host.recording.layout import Array, StreamLayout
-from esea_host.windows.meanings import MOTOR_ON, FaultText, fault_text
+from esea_host.windows.meanings import MOTOR_ON, FaultText, fault_text, lacks_zero
 
 Floats = npt.NDArray[np.float64]
 LAST_S, SAME_S = 120.0, 1e-6
@@ -141,6 +141,12 @@ class LiveFeed:
             return False
         gone = receiver.away or receiver.reconnects != self._back
         return gone or time.monotonic() - self.came_s > SILENT_S
+
+    @property
+    def unzeroed(self) -> dict[str, str]:
+        """Name and meaning of the indicator that an encoder has no zero, while one has none."""
+        newest = {n: row for n, r in self.rings.items() if (row := r.newest()) is not None}
+        return lacks_zero(self.device.identity.device, newest)
 
     def lost_text(self) -> str:
         """Start and cause of the silence, and the last known state."""

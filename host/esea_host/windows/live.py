@@ -296,7 +296,7 @@ class LiveWindow(StopWindow):
         since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
         newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
         acts = () if self.feed.silent else self.bands.acting(newest)
-        acting = {f.name: f.meaning for f in acts if f.name != MOTOR_OFF}
+        acting = {f.name: f.meaning for f in acts if f.name != MOTOR_OFF} | self.feed.unzeroed
         self.bar.indicators.light(acting, self.theme)
         for caption, number in self.columns.readouts(self.axis, newest):
             self.bar.show_value(caption, number)

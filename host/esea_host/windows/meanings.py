@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,7 @@ NEXT = {
     "FAULT": "Next: remove the cause, then Acknowledge fault.",
 }
 ZERO, ARM, DISARM, RELEASE, CLEAR = "Zero", "Arm", "Disarm", "Release", "Acknowledge fault"
+NO_ZERO = {"no zero": "An encoder has no zero: angles and torque are not valid."}
 GENERAL = 4  # the last bit of a status word that means the same in every block
 
 
@@ -69,6 +71,19 @@ def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
                     name = f"{word} {name}"
                 found[name] = LimitFlag(output.name, 1 << i, name, flag.meaning)
     return list(found.values())
+
+
+def lacks_zero(device: Device, rows: Mapping[str, Any]) -> dict[str, str]:
+    """``NO_ZERO`` if a row of a stream has an encoder without a zero; rows: the newest, by stream.
+
+    Other than the state it shows that while the board is stopped or has a fault, too.
+    """
+    for output in device.system.outputs:
+        for i, flag in enumerate(output.port.flags):
+            own = [r for r in rows.values() if output.name in (r.dtype.names or ())]
+            if flag.name == "NOT_ZEROED" and any(int(r[output.name]) >> i & 1 for r in own):
+                return NO_ZERO
+    return {}
 
 
 @dataclass(frozen=True)

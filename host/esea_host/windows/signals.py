@@ -13,6 +13,7 @@ from esea_host.windows.feed import Floats, LiveFeed, Stretch
 from esea_host.windows.meanings import LimitFlag, limit_flags, mode_text
 
 DEG = 180 / math.pi
+DASH = "\u2013"  # for a number that is unknown or not valid
 LIT_S = 0.3  # an indicator stays lit so long that it is seen
 Shown = Mapping[str, Stretch]
 # What is shown large, of which plot; degrees with one place, torque with two.
@@ -91,17 +92,22 @@ class AxisColumns:
         found = [(head, self.signals(wanted, axis)) for head, *wanted in PANELS]
         return [(head, signals) for head, signals in found if signals]
 
+    def known(self, head: Head) -> bool:
+        """Whether the newest values of a plot are to be relied on."""
+        return not (self._feed.silent or (self._feed.unzeroed and head[0] != "Motor"))
+
     def readouts(self, axis: str, newest: Shown) -> Iterator[tuple[str, str]]:
         """Large readouts: caption and number; a dash if unknown."""
 
         def last(signal: ShownSignal, places: int, scale: float = 1.0) -> str:
             values = signal.values(newest)
             known = len(values) and not self._feed.silent and math.isfinite(values[-1])
-            return f"{scale * values[-1]:.{places}f}" if known else "\u2013"
+            return f"{scale * values[-1]:.{places}f}" if known else DASH
 
         for head, signals in self.panels(axis):
             if head[0] in READOUTS:
-                yield READOUTS[head[0]], last(signals[-1], 1 if head[1] == "deg" else 2)
+                number = last(signals[-1], 1 if head[1] == "deg" else 2)
+                yield READOUTS[head[0]], number if self.known(head) else DASH
         for name, (caption, scale) in NUMBERS.items():
             for signal in self.signals([(name, "", "")], axis):
                 yield caption, last(signal, 0, scale)

@@ -91,10 +91,10 @@ function build() {
 }
 
 function draw() {
-  for (const { plot, own } of charts) {
+  for (const [i, { plot, own }] of charts.entries()) {
     plot.setData([x, ...own.map(s => y[s.column])]);
     for (const { number, column } of own) {
-      put(number, (news.silent ? null : y[column].at(-1))?.toFixed(2) ?? "\u2013");
+      put(number, (news.known[i] ? y[column].at(-1) : null)?.toFixed(2) ?? "\u2013");
     }
   }
   page.acting.replaceChildren();
