@@ -132,19 +132,35 @@ class Session(Messenger):
     def _ask_stream(
         self, number: int, task: int, choice: int, interval: int, numbers: list[int]
     ) -> Any:
-        filled = numbers + [0] * (STREAM_WORDS - len(numbers))
-        cls = self._classes["ESEA_STREAM"]
-        values = {
-            "interval": interval, "stream": number, "task": task, "choice": choice,
-            "count": len(numbers), "samples": 0, "result": 0, "signals": filled,
-        }  # fmt: skip
-        self.send(cls(*(values[n] for n in cls.fieldnames)))
+        self.send(self._stream_message(number, task, choice, interval, numbers))
         answer = self.wait_for(
             "ESEA_STREAM", wanted=lambda m: m.stream == number and m.choice == choice
         )
         if answer.result != self.dialect.MAV_RESULT_ACCEPTED:
             raise LinkError("the board does not stream that")
         return answer
+
+    def _stream_message(
+        self, number: int, task: int, choice: int, interval: int, numbers: list[int]
+    ) -> Any:
+        filled = numbers + [0] * (STREAM_WORDS - len(numbers))
+        cls = self._classes["ESEA_STREAM"]
+        values = {
+            "interval": interval, "stream": number, "task": task, "choice": choice,
+            "count": len(numbers), "samples": 0, "result": 0, "signals": filled,
+        }  # fmt: skip
+        return cls(*(values[n] for n in cls.fieldnames))
+
+    def stream_messages(self, *, on: bool) -> list[Any]:
+        """Messages that start the streams of this session again on the board, or stop them."""
+        tasks = streams.tasks(self.dialect)
+        return [
+            self._stream_message(
+                s.number, tasks.index(s.task), s.choice, on * s.interval,
+                [x.number for x in s.signals],
+            )
+            for s in self._streams.values()
+        ]  # fmt: skip
 
     def stop_streams(self) -> None:
         self._streams.clear()

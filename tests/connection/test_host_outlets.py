@@ -47,27 +47,35 @@ def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
         device.listen_named(["nothing"])
 
 
-def test_a_lost_message_of_named_values_is_a_gap(device):
-    (name,) = device.listen_named(["tau_Nm"], 200)
-    queue = device.subscribe([name])
-    data, messages = bytearray(), []
-    for _ in range(300):
+def told(device, ticks):
+    """Messages of a board, and the places of those with named values."""
+    data, messages, at = bytearray(), [], 0
+    for _ in range(ticks):
         device.drive.tick()
         data += device.drive.read()
-    session = device.session
-    number = session.dialect.MAVLINK_MSG_ID_ESEA_DATA
-    at = 0
     while at < len(data):
         end = at + 12 + data[at + 1]
         messages.append(bytes(data[at:end]))
         at = end
+    number = device.session.dialect.MAVLINK_MSG_ID_ESEA_DATA
     own = [i for i, m in enumerate(messages) if int.from_bytes(m[7:10], "little") == number]
+    return messages, own
+
+
+def test_a_lost_message_of_named_values_is_a_gap_and_the_board_is_let_go(device, monkeypatch):
+    (name,) = device.listen_named(["tau_Nm"], 200)
+    queue = device.subscribe([name])
+    messages, own = told(device, 300)
     lost = own[5]
     rows_in = messages[lost][10 + 16]
     device.receiver.take(b"".join(m for i, m in enumerate(messages) if i != lost))
     gaps = [g for b in queue.take(0.0) for g in b.gaps]
     assert [(g.stream, g.missing) for g in gaps] == [(name, rows_in)]
     assert gaps[0].reason == "link"
+    monkeypatch.setattr(device.receiver.transport, "close", lambda: None)
+    device.close()
+    told(device, 1)
+    assert told(device, 300)[1] == []
 
 
 def test_drift_and_offset_of_the_clocks_are_found(tmp_path):

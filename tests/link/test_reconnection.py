@@ -45,8 +45,9 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(
         esea_host.connect(cut.address) as device,
         device.record(tmp_path / "a.mcap") as recording,
     ):
+        device.listen_named(["tau_Nm"])
         monkeypatch.setattr(device_module, "identify", lambda *a: time.sleep(away_s) or known(*a))
-        until(lambda: recording.rows >= 500)
+        until(lambda: recording.rows >= 2000)
         cut.loses = True
         again.set()
         until(lambda: drive.ticks >= 2000 and not again.is_set())  # only its start tells
@@ -55,7 +56,7 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(
         before = recording.rows
         until(lambda: recording.rows >= before + 500)
     with esea_host.open_log(tmp_path / "a.mcap") as log:
-        for stream in ("sense_out", "control_out"):
+        for stream in ("sense_out", "control_out", "chosen"):
             (gap,), (first, second) = log[stream].gaps, log[stream].pieces()
             assert (gap.reason, gap.missing) == ("disconnected", -1)
             assert (first.tick[-1], second.tick[0]) == (gap.after_tick, gap.before_tick)

@@ -119,8 +119,7 @@ class ConnectedDevice:
         for recording in list(self._recordings):
             recording.close()
         with suppress(LinkError):  # who connects next has the line for its own questions
-            for name in self._told:
-                self._send_interval(name, 0.0)
+            self._tell(on=False)
         self.receiver.close()
 
     @contextmanager
@@ -169,14 +168,20 @@ class ConnectedDevice:
 
     def _tell_again(self) -> None:
         self.session.heartbeat = None  # of before: its state is not known until the next one
-        for name, interval_us in self._told.items():
-            self._send_interval(name, interval_us)
+        self._tell(on=True)
 
-    def _send_interval(self, name: str, interval_us: float) -> None:
-        command, number = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL, float(self._ids[name])
-        values = 1, 1, command, 0, number, interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
-        message = self._dialect.MAVLink_command_long_message(*values)
-        self.receiver.write(self._packed(message), WAIT_S)
+    def _tell(self, *, on: bool) -> None:
+        # All that this client has asked for, or nothing of it any more; waits for no answer.
+        long, command = (
+            self._dialect.MAVLink_command_long_message,
+            self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
+        )
+        wanted = [
+            long(1, 1, command, 0, float(self._ids[name]), on * interval_us, *[0.0] * 5)
+            for name, interval_us in self._told.items()
+        ]
+        for message in wanted + self.session.stream_messages(on=on):
+            self.receiver.write(self._packed(message), WAIT_S)
 
     def pump(self, timeout_s: float = 0.0) -> bool:
         """Listen once, where no thread does.
