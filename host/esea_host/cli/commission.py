@@ -32,7 +32,7 @@ from esea_host.commissioning import (
     steps_of,
     unit_of,
 )
-from esea_host.connection import open_device
+from esea_host.connection import open_device, require_device
 from esea_host.connection.address import parse_address
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
@@ -125,11 +125,8 @@ def _check(names: list[str], options: StepOptions) -> None:
 def _chosen(names: list[str], bench: CommissioningBench) -> tuple[CommissioningStep, ...]:
     steps = steps_of(bench.board)
     known = [s.name for s in steps]
-    if wrong := [n for n in names if n not in known]:
-        raise UserError(
-            f"{bench.board.name} has no step '{wrong[0]}'.",
-            f"Steps: {', '.join(known)}.",
-        )
+    lacks = f"has only the steps {', '.join(known)}"
+    require_device(bench.board, lambda d: {*names} <= {s.name for s in steps_of(d)}, lacks)
     return tuple(s for s in steps if not names or s.name in names)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from esea_gen.device import Device
 from esea_gen.devices.fatigue import life_used
-from esea_gen.devices.file import DeviceData
+from esea_gen.devices.file import DeviceData, shipped_devices
 from esea_gen.emit.dialect import load_dialect
+from esea_gen.errors import UserError
 from esea_gen.link.kept import CouplingLife, coupling_lives
 from esea_host.connection.address import SimulatedProcess, open_transport, parse_address
 from esea_host.connection.device import ConnectedDevice
@@ -37,6 +39,16 @@ def open_device(
         connected.close()
         raise
     return connected
+
+
+def require_device(device: Device, fits: Callable[[Device], bool], lacks: str) -> None:
+    """Refuse a device that a command cannot use; the error names the shipped ones that it can.
+
+    lacks: what is missing, as ``has no motor``.
+    """
+    if not fits(device):
+        names = [n for n in sorted(shipped_devices()) if fits(loaded_device(n))]
+        raise UserError(f"{device.name} {lacks}.", f"This needs {' or '.join(names)}.")
 
 
 def hands_at(device: ConnectedDevice) -> Callable[..., None]:

@@ -14,9 +14,10 @@ from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.judge import ROUGHNESS, rms, roughness
+from esea_host.connection import require_device
 from esea_host.connection.address import driven_by
 from esea_host.recording.log import Log, Table, open_log
-from esea_host.recording.replay import ReplayVerdict, device_of, verify
+from esea_host.recording.replay import ReplayVerdict, device_of, loaded_device, verify
 from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard
 
 TURN_S = 0.005  # from one command to the next, as often as the control task runs
@@ -52,13 +53,9 @@ def run_demo(
         if path.exists():
             raise UserError(f"{path} is there already.", "Give another name.")
     own = isinstance(device, str)
+    if isinstance(device, str):
+        require_device(loaded_device(device), lambda d: bool(d.laws), "has no motor")
     drive = SimulatedBoard(device, person=person, seed=seed) if isinstance(device, str) else device
-    if drive.passive:
-        drive.close()
-        raise UserError(
-            f"{drive.device.name} has no drive: no torque can be asked of it.",
-            f"Record it: esea-host record 'sim:{drive.device.name}?zeroed=1' FILE.mcap",
-        )
     try:
         connected = LockstepDevice(drive)
         named = driven_by(connected.identity.controller, drive.device.name)

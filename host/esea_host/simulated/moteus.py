@@ -17,6 +17,7 @@ from esea_gen.errors import UserError
 from esea_gen.twin.people import PLANT_NAMES
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedTwin
+from esea_host.connection import require_device
 from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_person
 from esea_host.simulated.server import IDLE_S, Terminal
 
@@ -37,8 +38,8 @@ class MoteusJoint:
     ) -> None:
         loaded = load_device(device)
         actuator = loaded.file.actuator
-        if actuator is None or len(loaded.axes) != 1:
-            raise UserError(f"{loaded.name} has no single motor.", "Give such as elbow_drive.")
+        require_device(loaded, lambda d: bool(d.laws) and len(d.axes) == 1, "has not one motor")
+        assert actuator is not None
         self.gear = actuator.gear_ratio.value
         self._bits = 1 << int(loaded.file.encoder.resolution_bits.value)
         self._gear_bits = 1 << int(actuator.encoder_bits.value)
