@@ -86,7 +86,7 @@ class TcpTransport(SocketTransport):
     def __init__(self, port: int, host: str = "127.0.0.1", timeout_s: float = STOP_S) -> None:
         try:
             link = socket.create_connection((host, port), timeout_s)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:  # a name that cannot be one
             what = f"nothing answers at {host}:{port} ({_why(error)})"
             raise LinkError(what, "Check that the board, or its simulation, listens.") from None
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -210,17 +210,24 @@ class FileTransport(Transport):
 def open_transport(address: str) -> Transport:
     """A transport by its address, such as ``serial:/dev/ttyUSB0:921600`` or ``tcp:host:5760``."""
     kind, _, rest = address.partition(":")
-    before, _, last = rest.rpartition(":")
     if kind == "serial" and rest:
         return SerialTransport(*serial_port(rest))
-    if kind == "tcp" and last.isdigit():
-        return TcpTransport(int(last), before) if before else TcpTransport(int(last))
+    if kind == "tcp" and rest:
+        return TcpTransport(*reversed(tcp_place(rest)))
     if kind == "pty" and rest:
         return PtyTransport(rest)
     if kind == "file" and rest:
         return FileTransport(rest)
     kinds = "serial:PORT[:BAUD], tcp:[HOST:]PORT, pty:PATH, file:PATH"
     raise LinkError(f"{address!r} is not an address of a board", f"There is {kinds}.")
+
+
+def tcp_place(place: str) -> tuple[str, int]:
+    """Host and port of ``127.0.0.1:5760``, ``[::1]:5760``; without a host this computer's."""
+    host, _, port = place.rpartition(":")
+    if not (port.isascii() and port.isdigit()) or not 0 < int(port[:6]) < 65536:
+        raise LinkError(f"'{place}' names no host and port", "Write tcp:127.0.0.1:5760.")
+    return host.removeprefix("[").removesuffix("]") or "127.0.0.1", int(port)
 
 
 def serial_port(place: str) -> tuple[str, int]:

@@ -112,9 +112,13 @@ def test_other_c_and_other_devices_are_refused_with_the_command_that_helps(devic
         identify(Busy(), "elbow_drive")
 
 
-@pytest.mark.parametrize("text", ["elbow", "tcp:", "tcp:here", "tcp:here:70000", "udp:a:1"])
+ADDRESSES = ["elbow", "tcp:", "tcp:here", "tcp:here:70000", "udp:a:1", "tcp:here:\u00b2"]
+SIM = ["tcp=1", "seed=-1", "seed=\u0663", "zeroed", "zeroed=2", "seed=1&seed=2"]
+
+
+@pytest.mark.parametrize("text", [*ADDRESSES, *(f"sim:elbow?{x}" for x in SIM)])
 def test_an_address_that_is_none_is_refused(text):
-    with pytest.raises(UserError, match="Write"):
+    with pytest.raises(UserError, match=r"Write|Give|Choose"):
         parse_address(text)
 
 

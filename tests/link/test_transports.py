@@ -217,7 +217,7 @@ def test_a_file_is_read_and_takes_nothing(elbow, tmp_path):
     ("address", "why"),
     [
         ("udp:1:2", "is not an address of a board"),
-        ("tcp:port", "is not an address of a board"),
+        ("tcp:port", "names no host and port"),
         ("", "is not an address of a board"),
         ("tcp:1", "nothing answers at 127.0.0.1:1"),
         ("serial:/dev/none", "/dev/none cannot be opened"),

@@ -33,7 +33,7 @@ from esea_host.commissioning import (
     unit_of,
 )
 from esea_host.connection import open_device, require_device
-from esea_host.connection.address import parse_address
+from esea_host.connection.address import parse_address, simulated_options
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
 
@@ -139,17 +139,8 @@ def _bench(
         raise UserError("A file cannot be commissioned.", "Give the address of a board.")
     if place.kind == "sim":
         # Hands have to reach the virtual machine: it runs in this process.
-        name, _, rest = place.place.partition("?")
-        given = dict(o.partition("=")[::2] for o in rest.split("&") if o)
-        unknown = set(given) - {"plant", "seed"}
-        if unknown:
-            raise UserError(
-                f"'{unknown.pop()}' is not an option of a simulated machine to commission.",
-                "There are plant and seed, as in sim:elbow_drive?plant=real&seed=3.",
-            )
-        if not given.get("seed", "0").isdigit():
-            raise UserError(f"seed={given['seed']} is not a whole number.", "Write seed=3.")
-        seed = int(given.get("seed", 0))
+        given = simulated_options(place.place, ("plant", "seed"))
+        name, seed = place.place.partition("?")[0], int(given.get("seed", 0))
         drives = bool(board_device(loaded_device(name)).laws)
         plant = given.get("plant", "ideal" if drives else None)
         drive = SimulatedBoard(name, plant, "nobody" if drives else None, seed)

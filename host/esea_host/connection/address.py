@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.link import transport as link
 from esea_gen.link.transport import LinkError, SocketTransport, Transport
+from esea_gen.typed import refuse_unplain_number
 
 KINDS = ("tcp", "serial", "pty", "sim", "file")
 EXAMPLES = (
     "tcp:127.0.0.1:5760, serial:/dev/ttyACM0, serial:COM3:921600, pty:/dev/pts/3, file:bytes.bin "
     "or sim:elbow_drive"
 )
+SIM_OPTIONS = ("plant", "person", "motion", "board", "seed", "speed", "spring", "zeroed")
 OPEN_S = 3.0
 START_S = 180.0  # of a simulated board: its C is compiled; 32 s at a load of 12 on two cores
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 2.0
@@ -48,16 +51,33 @@ def parse_address(text: str) -> BoardAddress:
     kind, colon, place = text.partition(":")
     if kind not in KINDS or not colon or not place:
         raise UserError(f"'{text}' is not an address of a board.", f"Write one such as {EXAMPLES}.")
-    if kind == "tcp":
-        host, _, port = place.rpartition(":")
-        if not host or not port.isdigit() or not 0 < int(port) < 65536:
-            raise UserError(f"'{text}' names no host and port.", "Write tcp:127.0.0.1:5760.")
-    if kind == "serial":
-        try:
+    try:
+        if kind == "tcp":
+            link.tcp_place(place)
+        if kind == "serial":
             link.serial_port(place)
-        except LinkError as error:
-            raise UserError(f"{error.what}.", error.fix) from None
+    except LinkError as error:
+        raise UserError(f"{error.what}.", error.fix) from None
+    if kind == "sim":
+        simulated_options(place)
     return BoardAddress(kind, place)
+
+
+def simulated_options(place: str, names: Collection[str] = SIM_OPTIONS) -> dict[str, str]:
+    """Options of ``elbow_drive?plant=real&seed=3``, by name."""
+    found: dict[str, str] = {}
+    for name, _, value in (o.partition("=") for o in place.partition("?")[2].split("&") if o):
+        choose(f"option of sim:{place}", name, names)
+        if name in found:
+            raise UserError(f"sim:{place}: {name} is given twice.", "Give it once.")
+        if name in ("seed", "zeroed", "speed", "spring"):
+            refuse_unplain_number(f"sim:{place}: {name}", value, name in ("seed", "zeroed"))
+            most = 1 if name == "zeroed" else math.inf
+            if not 0 <= float(value) <= most:
+                fix = f"Give 0 to {most:g}." if most == 1 else "Give 0 or more."
+                raise UserError(f"sim:{place}: {name} is {value}.", fix)
+        found[name] = value
+    return found
 
 
 def open_transport(address: BoardAddress) -> Transport:
@@ -78,8 +98,8 @@ class SimulatedProcess(SocketTransport):
     """A simulated board in a process of its own, which ends with the link."""
 
     def __init__(self, place: str) -> None:
-        device, _, options = place.partition("?")
-        words = [f"--{k}={v}" for k, _, v in (o.partition("=") for o in options.split("&") if o)]
+        device = place.partition("?")[0]
+        words = [f"--{k}={v}" for k, v in simulated_options(place).items()]
         command = [
             sys.executable,
             "-m",
