@@ -21,7 +21,7 @@ from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, from_extra, paragraphs
-from esea_gen.files import plain, read_whole, write_json
+from esea_gen.files import plain, read_json, write_json
 from esea_gen.link.received import shown_lines
 from esea_gen.portability import TERMINALS
 from esea_gen.typed import read_number
@@ -356,12 +356,13 @@ def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) 
 
 
 def _read(path: Path) -> dict[str, float]:
-    try:
-        content = json.loads(read_whole(path, "Write one with --save."))
-        return {str(k): float(v) for k, v in content.get("parameters", content).items()}
-    except (ValueError, AttributeError, TypeError, RecursionError) as error:
-        what = f"{path} is not a file of parameters ({error})."
-        raise UserError(what, "Write one with --save.") from None
+    content = read_json(path, fix := "Write one with --save.")
+    values = content.get("parameters", content) if isinstance(content, dict) else content
+    if not isinstance(values, dict):
+        raise UserError(f"{path} is not a file of parameters.", fix)
+    if wrong := [n for n, v in values.items() if type(v) not in (int, float)]:
+        raise UserError(f"{path}: {wrong[0]} has no number.", fix)
+    return values
 
 
 @app.command()
