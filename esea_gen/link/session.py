@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from copy import copy
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,6 +35,7 @@ class Session(Messenger):
     ) -> None:
         super().__init__(transport, dialect, timeout_s, host)
         self._streams: dict[int, BoardStream] = {}
+        self._asked: dict[int, Any] = {}  # messages that asked for streams, by number
         self._choice = time.monotonic_ns() % 256  # so that samples for a session before are known
 
     def reset(self) -> None:
@@ -132,7 +134,14 @@ class Session(Messenger):
     def _ask_stream(
         self, number: int, task: int, choice: int, interval: int, numbers: list[int]
     ) -> Any:
-        self.send(self._stream_message(number, task, choice, interval, numbers))
+        filled = numbers + [0] * (STREAM_WORDS - len(numbers))
+        cls = self._classes["ESEA_STREAM"]
+        values = {
+            "interval": interval, "stream": number, "task": task, "choice": choice,
+            "count": len(numbers), "samples": 0, "result": 0, "signals": filled,
+        }  # fmt: skip
+        self._asked[number] = cls(*(values[n] for n in cls.fieldnames))
+        self.send(self._asked[number])
         answer = self.wait_for(
             "ESEA_STREAM", wanted=lambda m: m.stream == number and m.choice == choice
         )
@@ -140,27 +149,12 @@ class Session(Messenger):
             raise LinkError("the board does not stream that")
         return answer
 
-    def _stream_message(
-        self, number: int, task: int, choice: int, interval: int, numbers: list[int]
-    ) -> Any:
-        filled = numbers + [0] * (STREAM_WORDS - len(numbers))
-        cls = self._classes["ESEA_STREAM"]
-        values = {
-            "interval": interval, "stream": number, "task": task, "choice": choice,
-            "count": len(numbers), "samples": 0, "result": 0, "signals": filled,
-        }  # fmt: skip
-        return cls(*(values[n] for n in cls.fieldnames))
-
     def stream_messages(self, *, on: bool) -> list[Any]:
-        """Messages that start the streams of this session again on the board, or stop them."""
-        tasks = streams.tasks(self.dialect)
-        return [
-            self._stream_message(
-                s.number, tasks.index(s.task), s.choice, on * s.interval,
-                [x.number for x in s.signals],
-            )
-            for s in self._streams.values()
-        ]  # fmt: skip
+        """Messages that start this session's streams again on the board, or stop them."""
+        asked = [copy(self._asked[n]) for n in self._streams]
+        for message in asked:
+            message.interval *= on
+        return asked
 
     def stop_streams(self) -> None:
         self._streams.clear()

@@ -110,29 +110,26 @@ class TorqueCheck:
         low, high = load_range_Nm(self.device)
         g_per_Nm = 1000 * mass_kg / torque
         given = f"{mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm"
-        if torque > high:
-            raise UserError(
-                f"{given}, above {high:.3g} Nm, the largest still load inside the identified "
-                f"domain of {self.device.name}.",
-                f"Hang at most {math.floor(high * g_per_Nm) / 1000:g} kg there, or shorten the "
-                "arm.",
+        if not low <= torque <= high:
+            fix = (
+                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the arm."
             )
-        if torque < low:
-            raise UserError(
-                f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: a sensor "
-                "could fail with it, but not pass.",
-                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the "
-                "arm.",
-            )
+            why = f"below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: no sensor can pass."
+            if torque > high:
+                most_kg = math.floor(high * g_per_Nm) / 1000
+                fix = f"Hang at most {most_kg:g} kg there, or shorten the arm."
+                why = (
+                    f"above {high:.3g} Nm, the largest still load inside the identified domain of "
+                    f"{self.device.name}."
+                )
+            raise UserError(f"{given}, {why}", fix)
         expanded, most = COVERAGE * self.known.u_torque_Nm, MOST_UNCERTAIN_SHARE
         room = most * self.limit_Nm("accuracy")
         if expanded > room:
-            budget = self.known.budget_Nm
-            worst = max(budget, key=lambda k: budget[k])
             raise UserError(
                 f"the load is known to {expanded:.3g} Nm only (95 %), above {room:.3g} Nm, "
                 f"{100 * most:g} % of the accuracy limit.",
-                f"Measure the {worst.partition(',')[0]} better; it has the largest part.",
+                f"Measure the {self.known.weakest} better; it has the largest part.",
             )
 
     def limit_Nm(self, name: str, kind: Kind = "plus") -> float:
@@ -294,13 +291,11 @@ class TorqueCheck:
         open_ones = [d for d in self.decisions if not d.passed and not d.failed]
         if open_ones:
             d = max(open_ones, key=lambda d: d.value_Nm)
-            budget = self.known.budget_Nm
-            worst = max(budget, key=lambda k: budget[k]).partition(",")[0]
             return (
                 f"An error of {d.value_Nm:.3g} Nm is within the limit of "
                 f"{d.limit_Nm + d.uncertainty_Nm:.3g} Nm, but not by the {d.uncertainty_Nm:.2g} Nm "
                 "that the load is uncertain by.",
-                f"Measure the {worst} better; it has the largest part.",
+                f"Measure the {self.known.weakest} better; it has the largest part.",
             )
         return None
 

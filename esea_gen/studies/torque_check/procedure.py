@@ -66,6 +66,11 @@ class KnownLoad:
         }
 
     @property
+    def weakest(self) -> str:
+        """The quantity with the largest part in the uncertainty."""
+        return max(self.budget_Nm.items(), key=lambda part: part[1])[0].partition(",")[0]
+
+    @property
     def u_torque_Nm(self) -> float:
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
 

@@ -32,8 +32,8 @@ from esea_host.commissioning import (
     steps_of,
     unit_of,
 )
-from esea_host.connection import open_device, require_device
 from esea_host.connection.address import parse_address, simulated_options
+from esea_host.connection.opening import open_device, require_device
 from esea_host.recording.replay import loaded_device
 from esea_host.simulated import SimulatedBoard
 

@@ -1,7 +1,7 @@
 """Connection to a board: identify, check, receive, command."""
 
 from esea_host.connection.device import ConnectedDevice, RunSample
-from esea_host.connection.opening import hands_at, life_told, open_device, require_device
+from esea_host.connection.opening import hands_at, life_told, open_device
 from esea_host.connection.played import PlayedBoard
 from esea_host.connection.receiver import Batch, Receiver, Subscription
 
@@ -15,5 +15,4 @@ __all__ = [
     "hands_at",
     "life_told",
     "open_device",
-    "require_device",
 ]

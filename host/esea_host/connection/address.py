@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import socket
 import subprocess
 import sys
@@ -68,14 +67,11 @@ def simulated_options(place: str, names: Collection[str] = SIM_OPTIONS) -> dict[
     found: dict[str, str] = {}
     for name, _, value in (o.partition("=") for o in place.partition("?")[2].split("&") if o):
         choose(f"option of sim:{place}", name, names)
-        if name in found:
-            raise UserError(f"sim:{place}: {name} is given twice.", "Give it once.")
+        if name in found or value.startswith("-") or (name == "zeroed" and value not in "01"):
+            fix = "Give each once, numbers from 0 on; zeroed 0 or 1."
+            raise UserError(f"sim:{place}: {name}={value} is not possible here.", fix)
         if name in ("seed", "zeroed", "speed", "spring"):
             refuse_unplain_number(f"sim:{place}: {name}", value, name in ("seed", "zeroed"))
-            most = 1 if name == "zeroed" else math.inf
-            if not 0 <= float(value) <= most:
-                fix = f"Give 0 to {most:g}." if most == 1 else "Give 0 or more."
-                raise UserError(f"sim:{place}: {name} is {value}.", fix)
         found[name] = value
     return found
 

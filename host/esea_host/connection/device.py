@@ -15,6 +15,7 @@ from esea_gen.emit.dialect import load_dialect
 from esea_gen.errors import UserError
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Transport
+from esea_gen.portability import uninterrupted
 from esea_host.connection.address import BoardAddress, open_patiently
 from esea_host.connection.decoder import TICK, TelemetryDecoder
 from esea_host.connection.identity import Identity, column_texts, identify
@@ -172,13 +173,10 @@ class ConnectedDevice:
 
     def _tell(self, *, on: bool) -> None:
         # All that this client has asked for, or nothing of it any more; waits for no answer.
-        long, command = (
-            self._dialect.MAVLink_command_long_message,
-            self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
-        )
+        long, command = self.session.message, self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         wanted = [
-            long(1, 1, command, 0, float(self._ids[name]), on * interval_us, *[0.0] * 5)
-            for name, interval_us in self._told.items()
+            long("COMMAND_LONG", 1, 1, command, 0, float(self._ids[n]), on * us, *[0.0] * 5)
+            for n, us in self._told.items()
         ]
         for message in wanted + self.session.stream_messages(on=on):
             self.receiver.write(self._packed(message), WAIT_S)
@@ -484,10 +482,12 @@ class ConnectedDevice:
         compress : bool
             With zstandard.
         """
-        recorder = Recorder(Path(path), self.identity.attachments(), compress)
-        given = recorder, self.receiver, streams, self.health, self._forget
-        recording = LiveRecording(*given, threaded=self._threaded)
-        self._recordings.append(recording)
+        attachments = self.identity.attachments()
+        with uninterrupted():  # what has begun is closed with this connection
+            recorder = Recorder(Path(path), attachments, compress)
+            given = recorder, self.receiver, streams, self.health, self._forget
+            recording = LiveRecording(*given, threaded=self._threaded)
+            self._recordings.append(recording)
         if self.address is None or self.address.kind != "file":
             recording.event("parameters", **self.parameters())
             self.listen(streams)

@@ -70,11 +70,8 @@ class LiveRecording:
         with self._lock:
             self.recorder.event(topic, content)
 
+    @uninterrupted()  # what has been taken is written
     def drain(self, timeout_s: float) -> None:
-        with uninterrupted():  # what has been taken is written
-            self._drain(timeout_s)
-
-    def _drain(self, timeout_s: float) -> None:
         for batch in self.subscription.take(timeout_s):
             if self._start is None:
                 self._start = batch.arrived_ns, int(batch.board_ns[0])
@@ -100,11 +97,8 @@ class LiveRecording:
         except Exception as error:
             self.error = error  # who holds the recording sees it
 
+    @uninterrupted()
     def close(self) -> None:
-        with uninterrupted():
-            self._close()
-
-    def _close(self) -> None:
         self._receiver.unsubscribe(self.subscription)  # else a slow disk is never done
         self._stopped.set()
         if self._thread is not None:

@@ -73,13 +73,13 @@ class Recorder:
             self._writer.add_attachment(now, now, name, media, data)
         self._sync()
 
+    @uninterrupted()
     def _guarded(self, act: Callable[..., None], *given: Any) -> None:
         # A disk that is full ends the recording; what had been written complete stays.
         if self.closed:
             raise UserError(*self._ended)
         try:
-            with uninterrupted():
-                act(*given)
+            act(*given)
         except OSError as error:
             self._give_up(error)
 

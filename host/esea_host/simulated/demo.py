@@ -14,8 +14,8 @@ from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.judge import ROUGHNESS, rms, roughness
-from esea_host.connection import require_device
 from esea_host.connection.address import driven_by
+from esea_host.connection.opening import require_device
 from esea_host.recording.log import Log, Table, open_log
 from esea_host.recording.replay import ReplayVerdict, device_of, loaded_device, verify
 from esea_host.simulated.drive import PERSON, LockstepDevice, SimulatedBoard

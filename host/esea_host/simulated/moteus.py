@@ -17,7 +17,7 @@ from esea_gen.errors import UserError
 from esea_gen.twin.people import PLANT_NAMES
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedTwin
-from esea_host.connection import require_device
+from esea_host.connection.opening import require_device
 from esea_host.simulated.drive import CLAMPED, EMPTY_JOINT, PLANT, known, named_person
 from esea_host.simulated.server import IDLE_S, Terminal
 

@@ -61,15 +61,9 @@ class Derivatives:
                 f"The last {in_words(duration_s)} s of a record of {there / self.fs_Hz:g} s.",
                 "Record longer, or take less.",
             )
-        samples = round(wanted)
-        return Derivatives(
-            self.position[..., -samples:],
-            self.velocity[..., -samples:],
-            self.acceleration[..., -samples:],
-            self.jerk[..., -samples:],
-            self.fs_Hz,
-            self.processing,
-        )
+        signals = self.position, self.velocity, self.acceleration, self.jerk
+        kept = (x[..., -round(wanted) :] for x in signals)
+        return Derivatives(*kept, self.fs_Hz, self.processing)
 
 
 def derivatives(

@@ -74,10 +74,7 @@ def limit_flags(device: Device, axis: str = "") -> list[LimitFlag]:
 
 
 def lacks_zero(device: Device, rows: Mapping[str, Any]) -> dict[str, str]:
-    """``NO_ZERO`` if a row of a stream has an encoder without a zero; rows: the newest, by stream.
-
-    Other than the state it shows that while the board is stopped or has a fault, too.
-    """
+    """``NO_ZERO`` if the newest row of a stream has an encoder without a zero, in any state."""
     for output in device.system.outputs:
         for i, flag in enumerate(output.port.flags):
             own = [r for r in rows.values() if output.name in (r.dtype.names or ())]
