@@ -213,7 +213,8 @@ def open_transport(address: str) -> Transport:
     if kind == "serial" and rest:
         return SerialTransport(*serial_port(rest))
     if kind == "tcp" and rest:
-        return TcpTransport(*reversed(tcp_place(rest)))
+        host, port = tcp_place(rest)
+        return TcpTransport(port, host)
     if kind == "pty" and rest:
         return PtyTransport(rest)
     if kind == "file" and rest:

@@ -36,7 +36,7 @@ def demo(simulated_elbow, tmp_path_factory):
     return run_demo(simulated_elbow, 4.0, tmp_path_factory.mktemp("demo") / "page.png")
 
 
-def test_the_first_minute_leaves_a_recording_its_proof_and_a_page(demo):
+def test_the_first_minute_leaves_a_recording_its_proof_and_a_page(demo, tmp_path):
     assert demo.verdict.same
     assert demo.verdict.unproven == 0
     assert demo.rms_error_Nm < 0.4  # of 1.7 Nm, against a person who moves
@@ -50,6 +50,8 @@ def test_the_first_minute_leaves_a_recording_its_proof_and_a_page(demo):
         run_demo("elbow_drive", 4.0, demo.report)
     with pytest.raises(UserError, match="1 to 3600 s"):
         run_demo("elbow_drive", 0.1, demo.report)
+    with pytest.raises(UserError, match=r"elbow has no motor\. This needs elbow_drive or "):
+        run_demo("elbow", 4.0, tmp_path / "a.png")
 
 
 def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, monkeypatch, capsys):
@@ -65,6 +67,9 @@ def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, m
     ):
         with pytest.raises(UserError, match=said):
             parameters("x", assign=["Kp_Nm_rad=1", words])
+    (tmp_path / "l.json").write_text('{"parameters": {"smc.lambda_1_s": true}}')
+    with pytest.raises(UserError, match="lambda_1_s has no number"):
+        parameters("x", load=tmp_path / "l.json")
     assert device.parameters() == before
     parameters("x", assign=["reference.Kd_Nms_rad=.35"], keep=True, save=tmp_path / "p.json")
     assert "(simulated: stored until it ends)" in capsys.readouterr().out

@@ -62,8 +62,8 @@ class Derivatives:
                 "Record longer, or take less.",
             )
         signals = self.position, self.velocity, self.acceleration, self.jerk
-        kept = (x[..., -round(wanted) :] for x in signals)
-        return Derivatives(*kept, self.fs_Hz, self.processing)
+        angle, rate, change, jerk = (x[..., -round(wanted) :] for x in signals)
+        return Derivatives(angle, rate, change, jerk, self.fs_Hz, self.processing)
 
 
 def derivatives(
