@@ -63,7 +63,7 @@ def fields(kind: Any, data: bytes | mmap.mmap, at: int, end: int) -> Any:
         raise PieceError("has fields that cannot be read") from None
 
 
-def _text(data: mmap.mmap, at: int, end: int) -> tuple[bytes, int]:
+def _text(data: mmap.mmap | bytes, at: int, end: int) -> tuple[bytes, int]:
     # A text with its length before it, and where it ends.
     start = at + 4
     stop = start + int.from_bytes(data[at:start], "little")
@@ -72,7 +72,7 @@ def _text(data: mmap.mmap, at: int, end: int) -> tuple[bytes, int]:
     return data[start:stop], stop
 
 
-def attachment(data: mmap.mmap, at: int, end: int) -> tuple[str, int, int]:
+def attachment(data: mmap.mmap | bytes, at: int, end: int) -> tuple[str, int, int]:
     """An attachment's name, and from where to where its content is."""
     name, place = _text(data, at + HEAD.size + 16, end)
     _, place = _text(data, place, end)
@@ -83,7 +83,7 @@ def attachment(data: mmap.mmap, at: int, end: int) -> tuple[str, int, int]:
     return shown(name.decode("utf-8", "replace")), start, stop
 
 
-def chunk(data: mmap.mmap, at: int, end: int) -> Piece:
+def chunk(data: mmap.mmap | bytes, at: int, end: int) -> Piece:
     """A chunk by its own fields; refused when its lengths contradict each other."""
     place = at + HEAD.size
     if place + _CHUNK.size > end:
@@ -98,7 +98,7 @@ def chunk(data: mmap.mmap, at: int, end: int) -> Piece:
     return Piece(at, end, place + 8, size, crc, compression, (start_ns, end_ns))
 
 
-def record_end(data: mmap.mmap, at: int, size: int) -> tuple[int, int]:
+def record_end(data: mmap.mmap | bytes, at: int, size: int) -> tuple[int, int]:
     """Kind and end of the record at a byte; refused when it cannot be one."""
     if at + HEAD.size > size:
         raise PieceError("ends in the middle of a record")
@@ -107,7 +107,7 @@ def record_end(data: mmap.mmap, at: int, size: int) -> tuple[int, int]:
     if opcode not in _KNOWN and opcode < _PRIVATE:
         raise PieceError("is not a record")
     if end > size:
-        raise PieceError("goes beyond the end of the file")
+        raise PieceError("goes beyond the end of the file or chunk")
     if opcode == Opcode.CHUNK:
         chunk(data, at, end)
     elif opcode == Opcode.ATTACHMENT:
@@ -157,15 +157,8 @@ def unpack(kind: str, data: memoryview, size: int) -> bytes:
 
 def records(data: bytes) -> Iterator[tuple[int, int, int]]:
     """Kind, start and end of every record of a chunk; refused where one is cut."""
-    at, size = 0, len(data)
-    while at < size:
-        if at + HEAD.size > size:
-            raise PieceError("ends in the middle of a record")
-        opcode, length = HEAD.unpack_from(data, at)
-        end = at + HEAD.size + length
-        if opcode not in _KNOWN and opcode < _PRIVATE:
-            raise PieceError("has something that is not a record")
-        if end > size:
-            raise PieceError("has a record that goes beyond its end")
+    at = 0
+    while at < len(data):
+        opcode, end = record_end(data, at, len(data))
         yield opcode, at, end
         at = end
