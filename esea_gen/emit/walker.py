@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -59,8 +60,7 @@ class UnsupportedOperationError(UserError):
         super().__init__(f"{what.removesuffix('.')}.", fix)
 
 
-@dataclass(frozen=True)
-class Node:
+class Node(NamedTuple):  # quickly made, for some 10^5 are
     # `input`, `const`, an operation of the table, or `select`, which only a format's pass makes.
     op: str
     args: tuple[int, ...] = ()
@@ -188,7 +188,8 @@ def use_counts(kernel: Kernel) -> list[int]:
 
 
 def prune(kernel: Kernel) -> Kernel:
-    return _ordered(kernel, needed_nodes(kernel))
+    needed = needed_nodes(kernel)
+    return kernel if len(needed) == len(kernel.nodes) else _ordered(kernel, needed)
 
 
 def _ordered(kernel: Kernel, order: Sequence[int]) -> Kernel:

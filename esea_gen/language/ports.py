@@ -5,10 +5,10 @@ A quantity has its unit in its name.  Thresholds are float32, so that all format
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
@@ -409,15 +409,19 @@ class Equation:
     ----------
     number : str
         Number in the source, ``"(3.4)"``; ours start with ``"["``.
-    mathml : str
-        Presentation MathML, printed by SymPy from the expression that is evaluated.
+    printed : callable
+        Gives ``mathml``, presentation MathML, by SymPy from the expression that is evaluated.
     text : str
         What it says, in a few words.
     """
 
     number: str
-    mathml: str
+    printed: Callable[[], str] = field(repr=False, compare=False)
     text: str
+
+    @cached_property
+    def mathml(self) -> str:
+        return self.printed()
 
 
 def symbols_of(ports: Iterable[Port | Tunable]) -> dict[str, ca.SX]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from keyword import iskeyword
 from typing import Any
 
@@ -71,19 +71,21 @@ def _formula(text: str) -> sp.Expr:
     return parse_expr(_NAME.sub(plain, text), symbols, (auto_number,), _KNOWN)
 
 
-@cache
-def equation(number: str, left: sp.Expr | str, right: sp.Expr, text: str) -> Equation:
-    """An equation for documents, printed from the expression that is evaluated."""
-    lhs = sp.Symbol(left) if isinstance(left, str) else left
+def equation(number: str, left: sp.Expr | str, right: sp.Expr | str, text: str) -> Equation:
+    """An equation for documents, printed when one asks from the expression that is evaluated."""
+    return Equation(number, partial(_mathml, left, right), text)
+
+
+def _mathml(left: sp.Expr | str, right: sp.Expr | str) -> str:
+    lhs = _formula(str(left)) if str(left).startswith("Abs(") else sp.Symbol(str(left))
     # An undefined function named exp: SymPy would print exp(-x) as a fraction.
-    shown = right.replace(sp.exp, sp.Function("exp"))
-    body = MathMLPresentationPrinter().doprint(sp.Eq(lhs, shown, evaluate=False))
+    rhs = (_formula(right) if isinstance(right, str) else right).replace(sp.exp, sp.Function("exp"))
+    body = MathMLPresentationPrinter().doprint(sp.Eq(lhs, rhs, evaluate=False))
     # A minus sign where SymPy's printer puts a hyphen, inside names such as k-1 too.
     body = re.sub(r"(?<=>)([^<]*)(?=<)", lambda m: m.group().replace("-", "\u2212"), body)
-    return Equation(number, f'<math display="block">{body}</math>', text)
+    return f'<math display="block">{body}</math>'
 
 
-@cache
 def equations(rows: str, **known: sp.Expr) -> tuple[Equation, ...]:
     """Equations, one a line: ``number | left side | formula | meaning``.
 
@@ -92,8 +94,5 @@ def equations(rows: str, **known: sp.Expr) -> tuple[Equation, ...]:
     found = []
     for row in filter(str.strip, rows.splitlines()):
         number, left, right, text = (" ".join(x.split()) for x in f"{row} ".split(" | "))
-        lhs = _formula(left) if left.startswith("Abs(") else left
-        found.append(
-            equation(number, lhs, known[right] if right in known else _formula(right), text)
-        )
+        found.append(equation(number, left, known.get(right, right), text))
     return tuple(found)

@@ -8,8 +8,7 @@ overflow.  The same tree is printed as C and evaluated by the executor.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +26,7 @@ class OverflowProofError(Exception):
     """An expression whose interval does not fit the type that it is computed in."""
 
 
-@dataclass(frozen=True)
-class Expr:
+class Expr(NamedTuple):  # quickly made, for some 10^5 are
     """One whole-number expression."""
 
     op: str
@@ -60,7 +58,7 @@ def named(name: str, value: Expr) -> Expr:
 
 def within(x: Expr, low: int, high: int) -> Expr:
     """A named value where a condition has shown that it is in a range."""
-    return replace(x, low=low, high=high)
+    return x._replace(low=low, high=high)
 
 
 def literal(value: int, bits: int = 32) -> Expr:
@@ -69,7 +67,7 @@ def literal(value: int, bits: int = 32) -> Expr:
 
 def called(x: Expr, name: str) -> Expr:
     """A literal that C writes by the name of a constant, where there is one."""
-    return replace(x, name=name) if x.op == "literal" and name else x
+    return x._replace(name=name) if x.op == "literal" and name else x
 
 
 def cast(x: Expr, bits: int) -> Expr:
