@@ -5,14 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache, lru_cache
+from pickle import UnpicklingError
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
 import jinja2
 
+from esea_gen.cache import cache_folder, code_digest, scratch_folder
 from esea_gen.emit.example import example, tolerance
+from esea_gen.emit.fixed.kept import ROOMS
 from esea_gen.emit.formats.base import Format
 from esea_gen.emit.printed import DEVICE, EmittedBlock, bare, comment, field_type, number_name
 from esea_gen.emit.program_c import EmittedProgram, emit_program
@@ -27,21 +31,34 @@ from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
-class _Compiled(jinja2.BytecodeCache):
-    # Templates compiled once a process, for all renderers.
+class _Compiled(jinja2.FileSystemBytecodeCache):
+    # Templates compiled once, and read once a process.  The checksum covers all that compiled code
+    # depends on: the text, the environment's options and Jinja.
 
     def __init__(self) -> None:
+        self.digest = code_digest(ROOMS)
+        super().__init__(str(cache_folder()) if self.digest else scratch_folder())
         self.code: dict[str, bytes] = {}
+
+    def get_source_checksum(self, source: str) -> str:
+        return super().get_source_checksum(f"{self.digest} {jinja2.__version__} {source}")
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         if bucket.key in self.code:
             bucket.bytecode_from_string(self.code[bucket.key])
+            return
+        with suppress(OSError, EOFError, UnpicklingError):  # damaged: compiled again
+            super().load_bytecode(bucket)
+        if bucket.code is not None:
+            self.code[bucket.key] = bucket.bytecode_to_string()
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         self.code[bucket.key] = bucket.bytecode_to_string()
+        with suppress(OSError):  # a full disk costs the next process its time and no more
+            super().dump_bytecode(bucket)
 
 
-_COMPILED = _Compiled()
+_compiled = cache(_Compiled)
 
 
 def environment() -> jinja2.Environment:
@@ -53,7 +70,8 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         autoescape=False,
-        bytecode_cache=_COMPILED,
+        optimized=False,  # no filter is applied while compiling
+        bytecode_cache=_compiled(),
     )
     env.filters["bare"] = bare
     env.filters["comment"] = comment
