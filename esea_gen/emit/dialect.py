@@ -55,21 +55,24 @@ def run_mavgen(name: str, xml: str) -> Mapping[str, str]:
         folder = Path(scratch)
         (folder / f"{name}.xml").write_text(xml, encoding="utf-8", newline="\n")
         (folder / "python").mkdir()
-        for language, output in (("C", "mavlink"), ("Python3", f"python/{name}.py")):
-            # A process of its own: mavgen prints, exits on errors, and puts the path that it was
-            # given into its output, which so is a bare file name.
-            command = [sys.executable, "-m", "pymavlink.tools.mavgen", "--wire-protocol=2.0"]
-            done = subprocess.run(
+        # Processes of their own: mavgen prints, exits on errors, and puts the path that it was
+        # given into its output, which so is a bare file name.
+        command = [sys.executable, "-m", "pymavlink.tools.mavgen", "--wire-protocol=2.0"]
+        running = [
+            subprocess.Popen(
                 [*command, f"--lang={language}", f"--output={output}", f"{name}.xml"],
                 cwd=folder,
                 env=os.environ | {"PYTHONUTF8": "1", "PYTHONDONTWRITEBYTECODE": "1"},
-                capture_output=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
                 encoding="utf-8",
                 errors="replace",
-                check=False,
             )
+            for language, output in (("C", "mavlink"), ("Python3", f"python/{name}.py"))
+        ]
+        for done, (said, _) in [(process, process.communicate()) for process in running]:
             if done.returncode != 0:
-                raise RuntimeError(f"mavgen refuses {name}.xml:\n{done.stdout}{done.stderr}")
+                raise RuntimeError(f"mavgen refuses {name}.xml:\n{said}")
         return {
             path.relative_to(folder).as_posix(): path.read_text(encoding="utf-8")
             for path in sorted(folder.rglob("*"))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import textwrap
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 from esea_gen.language.block import Block
 
 
+@lru_cache(maxsize=1 << 14)  # the same in every format
 def comment(text: str, indent: int = 0, width: int = 98) -> str:
     pad = " " * indent
     safe = " ".join(text.replace("*/", "* /").split())

@@ -20,7 +20,7 @@ from esea_gen.language.block import Block
 # Operations by the name used here: CasADi's number, and the C of a floating-point format, where a
 # format has no function of its own for it.  What is not here cannot be emitted, and the walker says
 # so; ``select`` (condition, value if true, value if false) is only made by a format's own pass.
-# Rules of ranges and errors stand in emit.spans, those of whole numbers in emit.fixed.
+# {f} is i for whole numbers.  Rules of ranges and errors: emit.spans; of whole numbers: emit.fixed.
 OPERATIONS: dict[str, tuple[int | None, str]] = {
     "neg": (ca.OP_NEG, "-{0}"),
     "sq": (ca.OP_SQ, "{0} * {0}"),
@@ -30,15 +30,15 @@ OPERATIONS: dict[str, tuple[int | None, str]] = {
     "exp": (ca.OP_EXP, ""),
     "log": (ca.OP_LOG, ""),
     "tanh": (ca.OP_TANH, ""),
-    "fabs": (ca.OP_FABS, "esea_fabs({0})"),
+    "fabs": (ca.OP_FABS, "esea_{f}abs({0})"),
     "sign": (ca.OP_SIGN, "esea_sign({0})"),
     "not": (ca.OP_NOT, "!{0}"),
     "add": (ca.OP_ADD, "{0} + {1}"),
     "sub": (ca.OP_SUB, "{0} - {1}"),
     "mul": (ca.OP_MUL, "{0} * {1}"),
     "div": (ca.OP_DIV, "{0} / {1}"),
-    "fmin": (ca.OP_FMIN, "esea_fmin({0}, {1})"),
-    "fmax": (ca.OP_FMAX, "esea_fmax({0}, {1})"),
+    "fmin": (ca.OP_FMIN, "esea_{f}min({0}, {1})"),
+    "fmax": (ca.OP_FMAX, "esea_{f}max({0}, {1})"),
     "pow": (ca.OP_POW, ""),
     "lt": (ca.OP_LT, "{0} < {1}"),
     "le": (ca.OP_LE, "{0} <= {1}"),

@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 WIDTH = 100
 _INDENT = 8  # of what continues a line
@@ -72,6 +73,7 @@ def _comment(line: str, width: int, inside: bool) -> list[str]:
     )
 
 
+@lru_cache(maxsize=1 << 14)  # most lines are rendered more than once
 def _code(line: str, width: int) -> list[str]:
     indent = len(line) - len(line.lstrip())
     trailing = _TRAILING.match(line)

@@ -74,10 +74,10 @@ class FloatingFormat(Format):
     def naming(self, system: System) -> Naming:
         return Naming(system, self.c_type, self.dtype)
 
-    def expression(self, node: Node, args: Sequence[str], kernel: Kernel) -> str:
+    def expression(self, node: Node, args: Sequence[str], kernel: Kernel, whole: bool) -> str:
         _, pattern = OPERATIONS[node.op]
         if pattern:
-            return pattern.format(*args, **self._numbers)
+            return pattern.format(*args, f="i" if whole else "f", **self._numbers)
         call = self._call(node, args, kernel)
         if call is None:
             raise UnsupportedOperationError(
@@ -286,8 +286,7 @@ def print_kernel(
         elif i in whole and n.op == "if_else_zero":
             text = f"{operands[0]} ? {operands[1]} : {_whole_text(0, choices.get(i), whole[i])}"
         else:
-            text = fmt.expression(n, operands, kernel)
-            text = text.replace("esea_f", "esea_i") if i in whole else text
+            text = fmt.expression(n, operands, kernel, i in whole)
         named = labels.get(i)
         # A boolean used once reads best where it is used; so does a short product or difference.
         short = n.boolean or len(text) <= _SHORT.get(n.op, 0)
