@@ -180,25 +180,19 @@ def terminal() -> bool:
 
 def _short(name: str, base: str, words: list[str], kit: str | None) -> str:
     from esea_gen.device import parse_device
+    from esea_gen.devices import short
     from esea_gen.devices.motors import MOTORS
-    from esea_gen.devices.short import (
-        questions,
-        read_answer,
-        read_given,
-        refuse_missing,
-        short_text,
-    )
 
     if kit is not None:
         choose("motor", kit, MOTORS)
     motor = None if kit is None else MOTORS[kit]
-    given = read_given(words)
+    given = short.read_given(words)
     if motor is not None:
         motor.check(given)
         given = {key: value for key, value, _ in motor.numbers()} | given
-    asked = [q for q in questions(motor) if q.name not in given]
+    asked = [q for q in short.questions(motor) if q.name not in given]
     if not terminal():
-        refuse_missing(given, motor)
+        short.refuse_missing(given, motor)
     elif asked:
         print(f"{len(asked)} numbers; Enter takes the one in brackets.")
 
@@ -213,12 +207,12 @@ def _short(name: str, base: str, words: list[str], kit: str | None) -> str:
             print(f"\n{k} of {len(asked)}. {q}.\n   {q.why}")
             try:
                 typed = input(f"   {q.name} [{q.typical:g}]: ").strip()
-                given[q.name] = read_answer(q, typed or str(q.typical))
+                given[q.name] = short.read_answer(q, typed or str(q.typical))
             except UserError as error:
                 print(f"   {error}")
             except EOFError:
                 raise UserError("No more answers came; nothing was written.", repeat()) from None
-    text = short_text(name, base, given, motor)
+    text = short.short_text(name, base, given, motor)
     try:
         _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
     except UserError as error:

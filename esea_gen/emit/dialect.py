@@ -123,6 +123,7 @@ def render_dialect(device: Device) -> Bundle:
     return Bundle(FOLDER, files | manifest(device, digest, FOLDER, command, files, versions))
 
 
+@cache
 def load_module(name: str, text: str) -> Any:
     module = ModuleType(name)
     exec(compile(text, f"{name}.py", "exec"), module.__dict__)
@@ -130,11 +131,6 @@ def load_module(name: str, text: str) -> Any:
 
 
 @cache
-def _load(device_name: str, text: str) -> Any:
-    return load_module(device_name, text)
-
-
-@cache
 def load_dialect(device: Device) -> Any:
     name = f"esea_{device.name}"
-    return _load(name, render_dialect(device).files[f"python/{name}.py"])
+    return load_module(name, render_dialect(device).files[f"python/{name}.py"])

@@ -78,10 +78,8 @@ def mavlink_units() -> frozenset[str]:
     schema = resources.files(package) / "generator" / "mavschema.xsd"
     root = ElementTree.fromstring(schema.read_bytes())
     ns = "{http://www.w3.org/2001/XMLSchema}"
-    for simple in root.iter(f"{ns}simpleType"):
-        if simple.get("name") == "SI_Unit":
-            return frozenset(str(e.get("value")) for e in simple.iter(f"{ns}enumeration"))
-    return frozenset()
+    units = root.iterfind(f".//{ns}simpleType[@name='SI_Unit']//{ns}enumeration")
+    return frozenset(str(e.get("value")) for e in units)
 
 
 def _port_field(system: System, external: External) -> MessageField:

@@ -15,14 +15,8 @@ from esea_gen.language.block import Block
 def comment(text: str, indent: int = 0, width: int = 98) -> str:
     pad = " " * indent
     safe = " ".join(text.replace("*/", "* /").split())
-    lines = textwrap.wrap(safe, width - indent - 6)
-    if len(lines) <= 1:
-        return f"{pad}/* {safe} */"
-    return "\n".join(
-        [f"{pad}/* {lines[0]}"]
-        + [f"{pad} * {x}" for x in lines[1:-1]]
-        + [f"{pad} * {lines[-1]} */"]
-    )
+    lines = textwrap.wrap(safe, width - indent - 6) or [safe]
+    return f"\n{pad} * ".join([f"{pad}/* {lines[0]}", *lines[1:]]) + " */"
 
 
 def bare(text: str) -> str:

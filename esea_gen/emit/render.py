@@ -32,28 +32,21 @@ Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
 class _Compiled(jinja2.FileSystemBytecodeCache):
-    # Templates compiled once, and read once a process.  The checksum covers all that compiled code
-    # depends on: the text, the environment's options and Jinja.
+    # Templates compiled once for all processes.  The checksum covers all that compiled code depends
+    # on: the text, the environment's options and Jinja.
 
     def __init__(self) -> None:
         self.digest = code_digest(ROOMS)
         super().__init__(str(cache_folder()) if self.digest else scratch_folder())
-        self.code: dict[str, bytes] = {}
 
     def get_source_checksum(self, source: str) -> str:
         return super().get_source_checksum(f"{self.digest} {jinja2.__version__} {source}")
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        if bucket.key in self.code:
-            bucket.bytecode_from_string(self.code[bucket.key])
-            return
         with suppress(OSError, EOFError, UnpicklingError):  # damaged: compiled again
             super().load_bytecode(bucket)
-        if bucket.code is not None:
-            self.code[bucket.key] = bucket.bytecode_to_string()
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        self.code[bucket.key] = bucket.bytecode_to_string()
         with suppress(OSError):  # a full disk costs the next process its time and no more
             super().dump_bytecode(bucket)
 
@@ -264,9 +257,7 @@ class Renderer:
             tolerances=[tolerance(self.system, x, self.fmt.example_share) for x in made.checked],
             given=self.given,
             task_of=lambda x: self.system.task_of(x.signals[0].instance).name,
-            tasks_of=lambda x: dict.fromkeys(
-                self.system.task_of(s.instance).name for s in x.signals
-            ),
+            tasks_of=lambda x: {self.system.task_of(s.instance).name: 0 for s in x.signals},
             from_units=self.naming.from_units,
             to_units=self.in_units,
         )
