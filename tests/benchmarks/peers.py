@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -16,6 +15,7 @@ import jinja2
 import numpy as np
 
 from esea_gen.device import Device
+from esea_gen.emit.elementary import exponent_q27
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.f64 import casadi_c
 from esea_gen.emit.render import Renderer
@@ -31,11 +31,13 @@ from .step_count import stream_program
 # A call from one file to another is direct, as in a program, not through a loader's table.
 LIBRARY_FLAGS = ("-O2", "-fvisibility=hidden")
 CASADI, CASADI_FLOAT = "CasADi C (f64)", "CasADi C (casadi_real=float)"
+HAND = "hand-written C (torque only, no guards)"
 MEASURE_S = 0.0015  # one measurement; long against the clock, short against what else runs
 
 
 def with_templates(renderer: Any) -> Any:
     """A renderer that finds the benchmarks' own templates too."""
+    renderer.env.filters["number17"] = repr
     own = jinja2.FileSystemLoader(Path(__file__).parent / "templates")
     renderer.env.loader = jinja2.ChoiceLoader([renderer.env.loader, own])
     return renderer
@@ -100,18 +102,7 @@ class CompiledPeer:
         return out
 
 
-class _PythonPeer:
-    def run(self, passes: int) -> float:
-        start = time.thread_time()
-        for _ in range(passes):
-            self._out = self._pass()
-        return time.thread_time() - start
-
-    def results(self) -> Array:
-        return self._out
-
-
-class EvaluatorPeer(_PythonPeer):
+class EvaluatorPeer:
     """CasADi's evaluator, ``Function.mapaccum``: one call a stream, so no Python in the loop."""
 
     name = "CasADi evaluator, one call a stream"
@@ -132,43 +123,46 @@ class EvaluatorPeer(_PythonPeer):
         fixed = ca.DM(np.concatenate([np.zeros(0), *simulator.coefficients.values()]))
         self._arguments = [start, ca.DM(rows.T), ca.repmat(fixed, 1, stream.steps)]
 
-    def _pass(self) -> Array:
-        return np.asarray(self._loop.call(self._arguments)[1]).T
+    def run(self, passes: int) -> float:
+        start = time.thread_time()
+        for _ in range(passes):
+            self._loop.call(self._arguments)
+        return time.thread_time() - start
 
 
-class NumpyPeer(_PythonPeer):
-    """The torque model as one writes it in NumPy: a loop over time, vectors over stop operators.
+def hand_program(device: Device, renderer: Any, stream: Stream) -> dict[str, str]:
+    """The torque model as one writes it in C, for a device with rate terms and no dead zone."""
+    numbers = {c.name: c.value for c in device.constants("elastomer")}
+    stops = [[float(x) for x in part] for part in stop_grid(numbers, int(numbers["stops"]))]
+    model = {"p": numbers, "h": device.period_s, "stops": stops, "q27": exponent_q27}
+    rows = np.column_stack([stream.inputs[k] for k in ("theta_rad", "omega_rad_s")])
+    own = {n: text for n, text in renderer.files().items() if "esea_f32" in n}
+    own |= {"hand.c": renderer.render("bench/hand_sensor.c.j2", **model)}
+    return own | looped(renderer, rows, 1) | {"clock.c": renderer.render("bench/clock.c.j2")}
 
-    Torque only, of a device with rate terms and without a dead zone: no guards, no status.
-    """
 
-    name = "NumPy loop (torque only, no guards)"
+LOOP = """#include "bench.h"
+void peer_init(void);
+void peer_step(const float *in, float *out);
+static float in[BENCH_STEPS][BENCH_INPUTS], out[BENCH_STEPS][BENCH_OUTPUTS];
+void bench_load(const double *from)
+{ for (int k = 0; k < BENCH_STEPS * BENCH_INPUTS; ++k) in[0][k] = (float)from[k]; }
+void bench_pass(void)
+{
+    peer_init();
+    for (int k = 0; k < BENCH_STEPS; ++k) peer_step(in[k], out[k]);
+}
+void bench_results(double *to)
+{ for (int k = 0; k < BENCH_STEPS * BENCH_OUTPUTS; ++k) to[k] = (double)out[0][k]; }
+"""
 
-    def __init__(self, device: Device, stream: Stream) -> None:
-        self._h = device.period_s
-        names = {c.name: c.value for c in device.constants("elastomer")}
-        self._p = SimpleNamespace(**names)
-        radii, weights = stop_grid(names, int(names["stops"]))
-        self._r, self._w = np.array(radii, dtype=float), np.array(weights, dtype=float)
-        self._theta, self._omega = stream.inputs["theta_rad"], stream.inputs["omega_rad_s"]
 
-    def _pass(self) -> Array:
-        p, h, r, w = self._p, self._h, self._r, self._w
-        out = np.zeros((len(self._theta), 1))
-        play = np.full(len(r), self._theta[0])
-        last, tau_r = self._theta[0], 0.0
-        for k, (theta, omega) in enumerate(zip(self._theta, self._omega, strict=True)):
-            play = np.clip(play, theta - r, theta + r)
-            tau_h = w @ (theta - play)
-            eta = (p.A_Nms_rad * abs(last + 0.5 * h * omega) ** p.m + p.eps1_Nms_rad) / (
-                p.B * abs(omega) ** p.n + p.eps2
-            )
-            x = h * p.kv_Nm_rad / eta
-            series = 1 + x / 2 + x * x / 6
-            tau_r = (tau_r + p.kv_Nm_rad * (theta - last) * series) / (1 + x * series)
-            last = theta
-            out[k] = p.k3_Nm_rad3 * theta**3 + p.k1_Nm_rad * theta + tau_r + tau_h
-        return out
+def looped(renderer: Any, rows: Array, outputs: int) -> dict[str, str]:
+    """The loop around a peer's ``peer_init`` and ``peer_step``, and its stream."""
+    sizes = {"inputs": rows.shape[1], "outputs": outputs}
+    context = {"sizes": sizes, "steps": len(rows), "rows": rows.tolist()}
+    named = {n: renderer.render(f"bench/{n}.j2", **context) for n in ("bench.h", "stream.h")}
+    return named | {"loop.c": LOOP}
 
 
 def in_turns(ours: Any, peer: Any, per_pass: float, pairs: int) -> dict[str, float]:

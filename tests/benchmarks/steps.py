@@ -27,10 +27,11 @@ from esea_gen.verify.streams import domain_chirp, recorded_stream
 from .peers import (
     CASADI,
     CASADI_FLOAT,
+    HAND,
     CompiledPeer,
     EvaluatorPeer,
-    NumpyPeer,
     exact,
+    hand_program,
     in_turns,
     peer_programs,
     renderer_of,
@@ -112,7 +113,8 @@ def host_rows(device: Device, subject: Subject, pairs: int, every_peer: bool) ->
         peers += [compiled[CASADI_FLOAT], compiled["generated f64"], EvaluatorPeer(block, stream)]
         elastomer = device.elastomer
         if elastomer.maxwell is not None and elastomer.dead_zone_rad is None:
-            peers.append(NumpyPeer(device, stream))
+            files = hand_program(device, renderer_of(device, system, "f32"), stream)
+            peers.append(CompiledPeer(HAND, files, block, stream))
     rows = []
     for peer in peers:
         count = pairs if isinstance(peer, CompiledPeer) else max(3, pairs // 10)
