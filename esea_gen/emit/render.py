@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
-from pickle import UnpicklingError
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -43,7 +42,7 @@ class _Compiled(jinja2.FileSystemBytecodeCache):
         return super().get_source_checksum(f"{self.digest} {jinja2.__version__} {source}")
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with suppress(OSError, EOFError, UnpicklingError):  # damaged: compiled again
+        with suppress(Exception):  # of a damaged file anything: compiled again
             super().load_bytecode(bucket)
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
