@@ -1,16 +1,20 @@
 """Instructions of QP solvers on emulated boards, on the problems of a public benchmark.
 
-    python -m tests.benchmarks.mcu_solvers [--spread X]
+    python -m tests.benchmarks.mcu_solvers [--tinympc FOLDER] [--spread X]
 
 As in https://github.com/RoboticExplorationLab/mcu-solver-benchmarks a random system of 10 states
 and 4 inputs within +-3 tracks the path of random inputs, here over 2, 4 and 8 intervals: a box QP.
-OSQP has its settings and starts from its last solve; it is no dependency: pip install osqp.
+OSQP and TinyMPC have its settings and start from their last solve.  OSQP is no dependency: pip
+install osqp.  FOLDER is its ``ICRA_benchmarks/teensy_tinympc2_benchmark/lib/tinympc``, which takes
+C++ headers for the boards (Debian: libstdc++-arm-none-eabi-newlib).
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
+import shutil
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +24,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, optimize, sparse
 
+from esea_gen.hostlib.compiler import run_tool
 from esea_gen.language.stream import Stream
 from esea_gen.targets import boards_for
 from tests.box_qp_program import box_qp
@@ -39,6 +44,19 @@ void peer_step(const float *in, float *out)
     for (int k = 0; k < 4; ++k) out[k] = mpc_solver.solution->x[k];
 }
 """
+TINY = """#include "admm.cpp"
+static TinyCache cache; static TinyWorkspace work;
+static TinySettings settings = { 1e-4f, 1e-4f, 4000, 1, 0, 1 };
+static TinySolver solver = { &settings, &cache, &work };
+extern "C" void peer_init(void) { %s }
+extern "C" void peer_step(const float *in, float *out)
+{
+    work.x.col(0) = Eigen::Map<const tiny_VectorNx>(in);
+    work.Xref = Eigen::Map<const tiny_MatrixNxNh>(in + NSTATES);
+    tiny_solve(&solver);
+    Eigen::Map<tiny_VectorNu>(out).noalias() = work.znew.col(0);
+}
+"""
 
 
 def problems(n: int, spread: float) -> SimpleNamespace:
@@ -48,6 +66,7 @@ def problems(n: int, spread: float) -> SimpleNamespace:
     p.A, p.Q, R, path = A / np.linalg.norm(A, 2), 5 + 5 * p.Q, 0.1 * np.eye(NU), [np.zeros(NX)]
     Q, x, u, found = np.diag(p.Q.ravel()), np.zeros(NX), np.zeros(NU * n), []
     p.P = linalg.solve_discrete_are(p.A, p.B, Q + RHO * np.eye(NX), R + RHO * np.eye(NU))
+    p.G = np.linalg.inv(R + RHO * np.eye(NU) + p.B.T @ p.P @ p.B)
     for drive in spread * rng.normal(size=(STEPS + n, NU)):
         path.append(p.A @ path[-1] + p.B @ drive)
     powers = [np.linalg.matrix_power(p.A, k) for k in range(n + 1)]
@@ -80,7 +99,28 @@ def osqp_c(p: SimpleNamespace) -> dict[str, str]:
         return {"step.c": OSQP} | {x.name: x.read_text(encoding="utf-8") for x in paths}
 
 
-def rows(p: SimpleNamespace) -> None:
+def tiny_c(p: SimpleNamespace, folder: Path, command: list[str]) -> dict[str, str]:
+    """TinyMPC as a C file of a processor's assembly."""
+    K = p.G @ p.B.T @ p.P @ p.A
+    places = {"cache.Kinf": K, "cache.Pinf": p.P, "cache.Quu_inv": p.G, "work.Q": p.Q}
+    places |= {"cache.AmBKt": (p.A - p.B @ K).T, "work.Adyn": p.A, "work.Bdyn": p.B}
+    init = [f"{k} << {', '.join(map(str, v.ravel()))};" for k, v in places.items()]
+    init += [f"cache.rho = {RHO}; work.u_min.setConstant(-{MOST}); work.u_max.setConstant({MOST});"]
+    sizes = {"NSTATES": NX, "NINPUTS": NU, "NHORIZON": p.n + 1}
+    defined = "".join(f"#define {k} {v}\n" for k, v in sizes.items())
+    with tempfile.TemporaryDirectory() as scratch:
+        for name in ("types.hpp", "admm.hpp", "admm.cpp"):
+            shutil.copy(folder / name, scratch)
+        texts = {"glob_opts.hpp": f"typedef float tinytype;\n{defined}", "iostream": ""}
+        for name, text in (texts | {"tiny.cpp": TINY % "\n".join(init)}).items():
+            (Path(scratch) / name).write_text(text, encoding="utf-8")
+        command += ["-O2", "-ffp-contract=off", "-fno-exceptions", "-S", "-o-", f"-I{folder}"]
+        done = run_tool([*command, f"-I{scratch}", f"{scratch}/tiny.cpp"], failed="TinyMPC")
+    quoted = "\n".join(json.dumps(line + "\n") for line in done.stdout.splitlines())
+    return {"step.c": f"__asm__(\n{quoted}\n);\n"}
+
+
+def rows(p: SimpleNamespace, tiny: Path | None) -> None:
     """Print a line a solver and board: instructions, largest distance from the minimum."""
     n, box = len(p.H), np.full(p.f.shape, MOST)
     renderer = with_templates(render_program(box_qp(n), "f32"))
@@ -92,14 +132,22 @@ def rows(p: SimpleNamespace) -> None:
     # OSQP's C has constants in double, which one board would compute without an FPU.
     single = ("-fsingle-precision-constant",)
     boards = [replace(b, flags=(*b.flags, *single)) for b in boards_for("instructions")]
-    peers = {"ours": own, "OSQP": osqp_c(p) | looped(renderer, p.f, NU)}
-    for name, files in peers.items():
-        clock = {"clock.c": renderer.render("bench/clock.c.j2")}
-        on = (block, stream) if name == "ours" else (alone, Stream("path", {"H": p.f}))
-        peer = CompiledPeer(name, files | clock, *on)
+    given = {"OSQP": p.f} | ({"TinyMPC": np.hstack([p.x, p.ref])} if tiny else {})
+
+    def made(name: str, command: list[str]) -> dict[str, str]:
+        if name == "ours":
+            return own
+        files = tiny_c(p, tiny, command) if tiny and name == "TinyMPC" else osqp_c(p)
+        return files | looped(renderer, given[name], NU)
+
+    for name in ("ours", *given):
+        files = made(name, ["g++", "-fPIC"]) | {"clock.c": renderer.render("bench/clock.c.j2")}
+        on = (block, stream) if name == "ours" else (alone, Stream("path", {"H": given[name]}))
+        peer = CompiledPeer(name, files, *on)
         peer.run(1)
         apart = np.max(np.abs(peer.results()[:, :NU] - p.u[:, :NU]))
         for board in boards[:2]:
+            files = made(name, ["arm-none-eabi-g++", *board.compile_flags])
             step = f"{renderer.prefix}_{block.name}_step" if name == "ours" else "peer_step"
             count = count_step(board, files, renderer, step, libm=name != "ours")
             print(
@@ -111,12 +159,15 @@ def rows(p: SimpleNamespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tinympc", type=Path, help="folder of its admm.cpp and Eigen.h")
     parser.add_argument("--spread", type=float, default=1.0, help="of the path's inputs")
     chosen = parser.parse_args()
+    if chosen.tinympc and not (chosen.tinympc / "admm.cpp").is_file():
+        parser.error(f"{chosen.tinympc} has no admm.cpp: name the folder lib/tinympc.")
     if importlib.util.find_spec("osqp") is None:
         parser.error("OSQP is missing: pip install osqp.")
     for n in (2, 4, 8):
-        rows(problems(n, chosen.spread))
+        rows(problems(n, chosen.spread), chosen.tinympc)
 
 
 if __name__ == "__main__":
