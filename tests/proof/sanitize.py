@@ -251,9 +251,10 @@ def _cases(
         for stream in tried_streams(block, fmt, steps):
             if stream.coefficients:  # the harness prepares its own: watched in process
                 continue
-            y, s = run_c(library.block(block.name), stream)
-            with np.errstate(over="ignore"):
-                inputs = [np.asarray(stream.inputs[p.name], fmt.dtype) for p in block.inputs]
+            runner = library.block(block.name)
+            y, s = run_c(runner, stream)
+            packed = runner.pack(stream.inputs)
+            inputs = [packed[p.name] for p in block.inputs]
             names = [p.name for p in block.state] + list(counter_fields(block))
             expected = [y[p.name] for p in block.outputs] + [s[n] for n in names]
             yield block.name, stream, inputs, state, expected
@@ -264,8 +265,8 @@ def _cases(
         runner = library.task(task.name)
         runner.prepare(zeros_missing(library.system))
         y, _ = runner.run(values, trace=False)
-        sources = device.system.task_inputs(task)
-        inputs = [np.asarray(values[x.name], fmt.dtype) for x in sources]
+        packed = runner.pack(values)
+        inputs = [packed[x.name] for x in device.system.task_inputs(task)]
         expected = [y[x.name] for x in device.system.task_outputs(task)]
         state = library.dtype(f"{library.prefix}_state_t")
         yield task.name, Stream("task", values), inputs, state, expected
