@@ -196,8 +196,8 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
         (["--jobs", 0, "--no-sliding", "--points", 2], ["--jobs 0", "-1"]),
     ],
 )
-def test_passivity_refuses(monkeypatch, capsys, arguments, words):
-    code, shown, error = command(monkeypatch, capsys, "passivity", *arguments)
+def test_passivity_refuses(arguments, words):
+    code, shown, error = command("passivity", *arguments)
     assert (code, shown) == (2, "")
     assert "Traceback" not in error
     for word in words:
