@@ -360,9 +360,9 @@ def _read(path: Path) -> dict[str, float]:
     values = content.get("parameters", content) if isinstance(content, dict) else content
     if not isinstance(values, dict):
         raise UserError(f"{path} is not a file of parameters.", fix)
-    if wrong := [n for n, v in values.items() if type(v) not in (int, float)]:
+    if wrong := [n for n, v in values.items() if type(v) not in (int, float) or abs(v) > 3e38]:
         raise UserError(f"{path}: {wrong[0]} has no number.", fix)
-    return values
+    return {n: float(v) for n, v in values.items()}
 
 
 @app.command()
