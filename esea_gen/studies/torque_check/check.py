@@ -7,7 +7,7 @@ for the recordings, in % of full scale or of the load, and their reasons are in
 
 The known load has an uncertainty of its own (mass, arm, angle, gravity: first order, [1]_), and the
 sensor must be inside the limit *less* that uncertainty to pass (guarded acceptance, [2]_).  Between
-that and the limit itself the check cannot judge.
+that and the limit itself, and with a small load, the check cannot judge.
 
 References
 ----------
@@ -34,6 +34,7 @@ from esea_gen.studies.torque_check.procedure import (
     Kind,
     KnownLoad,
     ProcedureStep,
+    judged_from_Nm,
     load_range_Nm,
     procedure,
     require,
@@ -110,26 +111,29 @@ class TorqueCheck:
         low, high = load_range_Nm(self.device)
         g_per_Nm = 1000 * mass_kg / torque
         given = f"{mass_kg:g} kg at {self.known.arm_m:g} m is {torque:.3g} Nm"
-        if not low <= torque <= high:
-            fix = (
-                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the arm."
+        if torque > high:
+            raise UserError(
+                f"{given}, above {high:.3g} Nm, the largest still load inside the identified "
+                f"domain of {self.device.name}.",
+                f"Hang at most {math.floor(high * g_per_Nm) / 1000:g} kg there, or shorten the "
+                "arm.",
             )
-            why = f"below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: no sensor can pass."
-            if torque > high:
-                most_kg = math.floor(high * g_per_Nm) / 1000
-                fix = f"Hang at most {most_kg:g} kg there, or shorten the arm."
-                why = (
-                    f"above {high:.3g} Nm, the largest still load inside the identified domain of "
-                    f"{self.device.name}."
-                )
-            raise UserError(f"{given}, {why}", fix)
+        if torque < low:
+            raise UserError(
+                f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would "
+                "tell little.",
+                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the "
+                "arm.",
+            )
         expanded, most = COVERAGE * self.known.u_torque_Nm, MOST_UNCERTAIN_SHARE
         room = most * self.limit_Nm("accuracy")
         if expanded > room:
+            budget = self.known.budget_Nm
+            worst = max(budget, key=lambda k: budget[k])
             raise UserError(
                 f"the load is known to {expanded:.3g} Nm only (95 %), above {room:.3g} Nm, "
                 f"{100 * most:g} % of the accuracy limit.",
-                f"Measure the {self.known.weakest} better; it has the largest part.",
+                f"Measure the {worst.partition(',')[0]} better; it has the largest part.",
             )
 
     def limit_Nm(self, name: str, kind: Kind = "plus") -> float:
@@ -288,14 +292,26 @@ class TorqueCheck:
     @property
     def doubt(self) -> tuple[str, str] | None:
         """Reason why the check neither fails nor passes, and the remedy."""
+        known, least = self.known, judged_from_Nm(self.device)
         open_ones = [d for d in self.decisions if not d.passed and not d.failed]
         if open_ones:
             d = max(open_ones, key=lambda d: d.value_Nm)
+            budget = known.budget_Nm
+            worst = max(budget, key=lambda k: budget[k]).partition(",")[0]
             return (
                 f"An error of {d.value_Nm:.3g} Nm is within the limit of "
                 f"{d.limit_Nm + d.uncertainty_Nm:.3g} Nm, but not by the {d.uncertainty_Nm:.2g} Nm "
                 "that the load is uncertain by.",
-                f"Measure the {self.known.weakest} better; it has the largest part.",
+                f"Measure the {worst} better; it has the largest part.",
+            )
+        if known.torque_Nm < least:
+            share = 100 * known.torque_Nm / self.device.tau_full_scale_Nm
+            mass_kg = math.ceil(1000 * least * known.mass_kg / known.torque_Nm) / 1000
+            return (
+                f"Nothing is wrong up to {known.torque_Nm:.3g} Nm, but that is {share:.0f} % of "
+                f"full scale: it tells nothing of larger torques, and a sensor passes from "
+                f"{least:.3g} Nm on.",
+                f"Hang at least {mass_kg:g} kg there.",
             )
         return None
 
@@ -442,13 +458,19 @@ def instructions(device: DeviceData, check: TorqueCheck | None = None) -> list[s
         lines.append(
             f"Choose a mass and an arm that give {low:.3g} to {high:.3g} Nm: at 0.2 m "
             f"{math.ceil(1000 * low / 9.81 / 0.2) / 1000:g} to "
-            f"{math.floor(1000 * high / 9.81 / 0.2) / 1000:g} kg."
+            f"{math.floor(1000 * high / 9.81 / 0.2) / 1000:g} kg.  A sensor passes from "
+            f"{judged_from_Nm(device):.3g} Nm on; below, it can only fail."
         )
     else:
         r = check.known
         lines.append(
             f"Known load: {r.torque_Nm:.4g} Nm, known to {COVERAGE * r.u_torque_Nm:.2g} Nm (95 %)"
         )
+        if r.torque_Nm < judged_from_Nm(device):
+            lines.append(
+                f"A sensor passes from {judged_from_Nm(device):.3g} Nm on; with this load it can "
+                "only fail."
+            )
     lines.append(
         f"Hold the motor still.  Each step: do it, wait {settle:g} s, record {record:g} s, both in "
         "one recording."

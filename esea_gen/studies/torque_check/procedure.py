@@ -66,19 +66,14 @@ class KnownLoad:
         }
 
     @property
-    def weakest(self) -> str:
-        """The quantity with the largest part in the uncertainty."""
-        return max(self.budget_Nm.items(), key=lambda part: part[1])[0].partition(",")[0]
-
-    @property
     def u_torque_Nm(self) -> float:
         return math.sqrt(sum(v * v for v in self.budget_Nm.values()))
 
 
 REPEATS = 3
-# A smaller load is refused, for it can fail a sensor but not pass it: a count of the encoders is
-# then above a hundredth of the load, and the rubber's stiffening hardly acts.
-SMALLEST_LOAD_PCT = 40.0
+# A smaller load is refused.  One below the second share can fail a sensor but not pass it: a count
+# of the encoders is then above a hundredth of the load, and the rubber's stiffening hardly acts.
+SMALLEST_LOAD_PCT, JUDGED_LOAD_PCT = 25.0, 40.0
 
 Kind = Literal["zero", "plus", "minus"]
 
@@ -194,8 +189,12 @@ def largest_torque_Nm(device: DeviceData) -> float:
 
 
 def load_range_Nm(device: DeviceData) -> tuple[float, float]:
-    """Smallest load that a sensor can pass with, and the largest."""
     return SMALLEST_LOAD_PCT / 100 * device.tau_full_scale_Nm, largest_torque_Nm(device)
+
+
+def judged_from_Nm(device: DeviceData) -> float:
+    """Smallest load that a sensor can pass with."""
+    return JUDGED_LOAD_PCT / 100 * device.tau_full_scale_Nm
 
 
 def procedure(repeats: int = REPEATS) -> tuple[ProcedureStep, ...]:

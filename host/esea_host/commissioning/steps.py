@@ -12,7 +12,13 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.model.sensing import of_axis
 from esea_gen.studies.torque_check.check import RECORD_S, SETTLE_S, CheckDecision, TorqueCheck
-from esea_gen.studies.torque_check.procedure import LIMITS, REPEATS, ZERO_LIMIT, KnownLoad
+from esea_gen.studies.torque_check.procedure import (
+    LIMITS,
+    REPEATS,
+    ZERO_LIMIT,
+    KnownLoad,
+    judged_from_Nm,
+)
 from esea_host.commissioning.bench import Capture, CommissioningBench, HandAct
 from esea_host.commissioning.drive import (
     AGAIN,
@@ -265,6 +271,8 @@ def _load_check(device: Device, options: StepOptions) -> TorqueCheck:
 def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
     check = _load_check(bench.board, options)
     bench.make_ready()
+    if check.known.torque_Nm < (least_Nm := judged_from_Nm(bench.board)):
+        bench.say(f"A sensor passes from {least_Nm:.3g} Nm on; with this load it can only fail.")
     needed_s = check.settle_s + check.record_s + 0.2
     parts = []
     again: list[str] = []
