@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -21,7 +22,7 @@ from esea_gen.emit.printed import DEVICE, EmittedBlock, bare, comment, field_typ
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.emit.wrapping import wrap
-from esea_gen.files import template_folder
+from esea_gen.files import template_folder, write_whole
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.system import External, Latch, Signal, System
@@ -30,24 +31,29 @@ from esea_gen.language.watch import LATE_FULL, LATE_MOST, LATE_STEP, Watched
 Emitted = Mapping[str, EmittedBlock | EmittedProgram]
 
 
-class _Compiled(jinja2.FileSystemBytecodeCache):
+class _Compiled(jinja2.BytecodeCache):
     # Templates compiled once for all processes.  The checksum covers all that compiled code depends
-    # on: the text, the environment's options and Jinja.
+    # on: the text, the environment's options and Jinja; a file begins with the hash of its code,
+    # since a damaged one could print other C.
 
     def __init__(self) -> None:
         self.digest = code_digest(ROOMS)
-        super().__init__(str(cache_folder()) if self.digest else scratch_folder())
+        self.folder = cache_folder() if self.digest else Path(scratch_folder())
 
     def get_source_checksum(self, source: str) -> str:
         return super().get_source_checksum(f"{self.digest} {jinja2.__version__} {source}")
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        with suppress(Exception):  # of a damaged file anything: compiled again
-            super().load_bytecode(bucket)
+        with suppress(OSError, ValueError):
+            kept = (self.folder / f"{bucket.key}.template").read_bytes()
+            if hashlib.sha256(kept[32:]).digest() == kept[:32]:
+                bucket.bytecode_from_string(kept[32:])
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+        code = bucket.bytecode_to_string()
         with suppress(OSError):  # a full disk costs the next process its time and no more
-            super().dump_bytecode(bucket)
+            path = self.folder / f"{bucket.key}.template"
+            write_whole(path, hashlib.sha256(code).digest() + code)
 
 
 _compiled = cache(_Compiled)
