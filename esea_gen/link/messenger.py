@@ -35,9 +35,12 @@ class Address(NamedTuple):
 
 
 class BoardTime(NamedTuple):
-    boot: int  # number of its start
+    boot: int  # number of its start: another one after every loss of power
     time_ms: int  # its clock then, and so at least so much
     at_s: float  # our clock when it came
+
+    def time_at(self, now_s: float) -> tuple[int, int]:
+        return self.boot, (self.time_ms + int((now_s - self.at_s) * 1e3)) % (1 << 32)
 
 
 HOST = Address(255, 190)  # a ground station, by MAVLink's custom
@@ -85,6 +88,7 @@ class Messenger:
     ) -> None:
         self.transport, self.dialect, self.timeout_s = transport, dialect, timeout_s
         self.heartbeat: Any = None
+        self._denied = int(dialect.MAV_RESULT_DENIED)
         self._classes = {c.msgname: c for c in dialect.mavlink_map.values()}
         self._encoder = dialect.MAVLink(None, *host)
         self._key: bytes | None = None
@@ -108,10 +112,6 @@ class Messenger:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    @property
-    def _denied(self) -> int:
-        return int(self.dialect.MAV_RESULT_DENIED)
 
     def close(self) -> None:
         self.transport.close()
@@ -137,8 +137,11 @@ class Messenger:
 
     def frames(self, message: Any) -> bytes:
         """A message as frames from the host, with the board's time where it needs one."""
-        if message.get_type() == "ESEA_WANTED" and message.mode:
-            message.boot, message.time_ms = self.time_now(None)
+        if message.get_type() == "ESEA_WANTED":
+            if message.mode:
+                message.boot, message.time_ms = self.time_now(None)
+            elif self._board_time is not None:  # off waits for nothing
+                message.boot, message.time_ms = self._board_time.time_at(self.clock_s())
         elif self._expires(message):
             stamp = self.message("ESEA_STAMP", 0, *self.time_now(FRESH_S))
             self._refusal = ""
@@ -172,8 +175,13 @@ class Messenger:
             known = self.learn_time()
         elif fresh_s is None:
             known = self._ask_time_in_passing(known)
-        passed_ms = int((now_s - known.at_s) * 1e3)
-        return known.boot, (known.time_ms + passed_ms) % (1 << 32)
+        return known.time_at(now_s)
+
+    def beat(self) -> list[Any]:
+        """HEARTBEAT with the board's time, which keeps a board armed; nothing is asked."""
+        known, beat = self._board_time, self.message("HEARTBEAT", 6, 8, 0, 0, 0, 3)
+        times = [] if known is None else [known.time_at(self.clock_s())]
+        return [*(self.message("ESEA_STAMP", 0, *t) for t in times), beat]
 
     def _ask_time(self) -> None:
         own = self._encoder.signing
@@ -187,10 +195,6 @@ class Messenger:
         found = partial(self._until, lambda: self._board_time, "ESEA_STAMP")
         told: BoardTime = self.repeated("ESEA_STAMP", self._ask_time, found)
         return told
-
-    def boot_number(self) -> int:
-        """Number of the board's start, asked of it: another one after every loss of power."""
-        return self.learn_time().boot
 
     def take_time_of(self, other: Messenger) -> None:
         """Adopt the clock of a new connection, possibly to a new board."""
@@ -279,9 +283,10 @@ class Messenger:
         while (message := found()) is None:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
-                frames = self.counters.frames - frames
-                noise_bytes = self.counters.noise_bytes - noise_bytes
-                raise self._too_late(name, limit_s, frames, noise_bytes)
+                now = self.counters
+                raise self._too_late(
+                    name, limit_s, now.frames - frames, now.noise_bytes - noise_bytes
+                )
             self._read(left_s)
         return message
 

@@ -42,9 +42,9 @@ static uint8_t set_interval(esea_app_t *app, float id, float interval_us)
 {
     uint32_t number, side;
 
+    if (!(interval_us <= 1e9f)) /* NaN too */
+        return MAV_RESULT_DENIED;
     if (id == (float)MAVLINK_MSG_ID_ESEA_KEY) {
-        if (!(interval_us <= 1e9f)) /* NaN too */
-            return MAV_RESULT_DENIED;
         app->key.interval = interval_us > 0.0f ? esea_ticks((uint32_t)interval_us / 1000u) : 0u;
         esea_key_ask(app);
         return MAV_RESULT_ACCEPTED;
@@ -52,15 +52,12 @@ static uint8_t set_interval(esea_app_t *app, float id, float interval_us)
     for (number = 0u; number < ESEA_LINK_TASKS; ++number)
         for (side = 0u; side < ESEA_SIDES; ++side) {
             const uint32_t every = esea_link_every(number);
-            uint32_t ticks = 0u;
+            const uint32_t ticks = interval_us > 0.0f ? (uint32_t)interval_us / ESEA_LINK_TICK_US : 0u;
 
             if (id != (float)esea_link_message(number, side))
                 continue;
-            if (!(interval_us <= 1e9f)) /* NaN too */
-                return MAV_RESULT_DENIED;
-            if (interval_us > 0.0f)
-                ticks = ((uint32_t)interval_us / ESEA_LINK_TICK_US + every - 1u) / every * every;
-            app->tasks[number].interval[side] = interval_us > 0.0f && ticks == 0u ? every : ticks;
+            app->tasks[number].interval[side] =
+                    interval_us > 0.0f && ticks == 0u ? every : (ticks + every - 1u) / every * every;
             return MAV_RESULT_ACCEPTED;
         }
     return MAV_RESULT_DENIED;
@@ -175,12 +172,16 @@ static void name_coupling(esea_app_t *app, const mavlink_message_t *message)
     esea_send_life(app, coupling, esea_keep_coupling(app, coupling, mavlink_msg_esea_life_get_serial(message)));
 }
 
-/* Whether the host knew a time of this start that is not long past. */
-static bool in_time(const esea_app_t *app, uint32_t boot, uint32_t time_ms)
+/* Whether the host knew a time of this start that is not long past.  Nothing else keeps the link alive: a line may
+ * hold back frames of a host that is gone. */
+static bool in_time(esea_app_t *app, uint32_t boot, uint32_t time_ms)
 {
     const uint32_t past_ms = esea_now_ms(app) - time_ms; /* beyond half of the range: still to come */
 
-    return boot == app->boot && (past_ms <= ESEA_COMMAND_AGE_MS || 0u - past_ms <= ESEA_COMMAND_AGE_MS);
+    if (boot != app->boot || (past_ms > ESEA_COMMAND_AGE_MS && 0u - past_ms > ESEA_COMMAND_AGE_MS))
+        return false;
+    app->motion.link_left = esea_ticks(ESEA_LINK_LOST_MS); /* one word: whole, whatever comes between */
+    return true;
 }
 
 /* What may move something, or permit more, is only taken soon after it was said: it may have waited anywhere.  Not
@@ -336,16 +337,16 @@ static void run_message(esea_app_t *app)
     esea_link_wanted_t wanted;
     uint32_t task, sequence, deadline_ms, boot, time_ms;
     const bool timed = stamped(app, message);
+    const bool prompt = timed && in_time(app, app->stamp.boot, app->stamp.time_ms);
 
-    app->motion.link_left = esea_ticks(ESEA_LINK_LOST_MS); /* one word: whole, whatever comes between */
     if (esea_link_decode(message, &task, &sequence, &in))
         replay_task(app, task, sequence, &in);
     else if (esea_link_decode_wanted(message, &wanted, &deadline_ms, &boot, &time_ms)) {
-        if (wanted.mode == 0u || in_time(app, boot, time_ms))
+        if (in_time(app, boot, time_ms) || wanted.mode == 0u)
             run_wanted(app, &wanted, deadline_ms);
         else
             refuse_late(app, message, boot != 0u);
-    } else if (expires(message) && !(timed && in_time(app, app->stamp.boot, app->stamp.time_ms)))
+    } else if (expires(message) && !prompt)
         refuse_late(app, message, timed);
     else if (message->msgid == MAVLINK_MSG_ID_ESEA_STAMP && mavlink_msg_esea_stamp_get_boot(message) != 0u)
         take_stamp(app, message);

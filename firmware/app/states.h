@@ -41,7 +41,7 @@ typedef enum {
     ESEA_EVENT_NOT_ZEROED = 35, /* The joint moved, or an encoder cannot be used. */
     ESEA_EVENT_REFUSED = 36, /* The limits did not release. */
     ESEA_EVENT_EXPIRED = 37, /* The command's deadline has passed. */
-    ESEA_EVENT_LINK_LOST = 38, /* The host has been silent for too long. */
+    ESEA_EVENT_LINK_LOST = 38, /* Nothing has come from the host in time for too long. */
     ESEA_EVENT_FADED = 39, /* The torque has faded to zero. */
     ESEA_EVENT_FAILED = 40, /* A fault was detected. */
 } ESEA_EVENT;
@@ -50,7 +50,7 @@ typedef enum {
 #define ESEA_DEADLINE_MS 100u /* default, from a command with mode 1 or 2 to the next */
 #define ESEA_DEADLINE_LEAST_MS 20u /* shortest deadline that a command may set */
 #define ESEA_DEADLINE_MOST_MS 1000u /* longest deadline that a command may set */
-#define ESEA_LINK_LOST_MS 1000u /* silence of the host */
+#define ESEA_LINK_LOST_MS 1000u /* without anything in time from the host */
 #define ESEA_FADE_MS 500u /* from the set torque to zero, after an expired command or a disarm */
 #define ESEA_STOP_FADE_MS 250u /* from the set torque to zero, in a controlled stop */
 #define ESEA_STOP_OFF_MS 600u /* from a controlled stop to motor off; from zero torque on the drive follows the limb */
@@ -64,7 +64,7 @@ typedef struct {
     bool encoders; /* the device has encoders with a zero */
     bool referenced; /* every encoder has a zero, or there is no encoder */
     bool stop_clear; /* no stop is active, and the stop line is closed */
-    bool link_live; /* the host has sent something recently */
+    bool link_live; /* something of the host has come in time recently */
     bool mode_off; /* the last command had mode 0, or there was none since the motor was off */
     bool released; /* the limits released in the last tick */
     bool clearable; /* the fault is one of the limits' (below 100) */

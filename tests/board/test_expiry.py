@@ -144,6 +144,15 @@ def test_a_time_is_for_the_next_frame_of_its_sender_alone(board):
     assert (board.state_now, expired(board)) == ("READY", 2)
 
 
+def test_a_line_that_holds_back_frames_keeps_nothing_armed(board):
+    board.arm()
+    held = [b"".join(map(board.pack, board.beat())) for _ in range(60)]
+    for frames in held:
+        board.send_bytes(frames)
+        board.ticks(50)
+    assert board.state_now == "READY"
+
+
 def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
     """A simulated board at half and at ten times the pace of the host's clock."""
     for pace in (0.5, 3.0, 10.0):

@@ -145,15 +145,13 @@ def test_strangers_do_not_keep_the_link_alive(paired):
     board, path = paired
     zeroed(board)
     board.arm()
-    for _ in range(60):  # signed, for longer than the link may be silent
-        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-        board.ticks(20)
-    assert board.state_now == "ARMED"
-    board.sign_with(None)
-    for _ in range(60):
-        board.send(board.message("HEARTBEAT", 6, 8, 0, 0, 0, 3))
-        board.ticks(20)
-    assert board.state_now == "READY"
+    for state in ("ARMED", "READY"):
+        for _ in range(60):  # for longer than the link may be silent
+            board.learn_time()
+            board.send_bytes(b"".join(map(board.pack, board.beat())))
+            board.ticks(20)
+        assert board.state_now == state
+        board.sign_with(None)
     board.use_key(path)
 
 

@@ -131,8 +131,7 @@ class ConnectedDevice:
     # -- staying connected -----------------------------------------------------------------------
 
     def _heartbeat(self) -> bytes:
-        beat = self._dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-        return self._packed(beat)
+        return b"".join(map(self._packed, self.session.beat()))
 
     def _packed(self, message: Any) -> bytes:
         frame = bytes(message.pack(self._beats))
@@ -236,7 +235,7 @@ class ConnectedDevice:
     def boot_number(self) -> int:
         """Number of the board's start: another one after a loss of power."""
         with self._ask():
-            return self.session.boot_number()
+            return self.session.learn_time().boot
 
     def _stream_of(self, name: str) -> str:
         """A stream by its own name, or by that of one of its columns."""

@@ -122,7 +122,7 @@ def identify(
     session.stays = False
     try:
         key = _key_taken(session, key)
-        info, start = session.info(), session.boot_number()
+        info, start = session.info(), session.learn_time().boot
     except (PairedError, CommandedError):
         raise
     except LinkError as error:
