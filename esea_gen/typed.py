@@ -11,6 +11,7 @@ from esea_gen.errors import UserError
 # Nothing here asks the locale: "2.5" and "2,5" are the same number on every desktop.
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+[.,]?\d*|[.,]\d+)([eE][+\-]?\d{1,3})?", re.ASCII)
 _GROUPED = re.compile(r"[+\-\u2212]?\d+([\s.,'\u2019_\u066c]+\d+)+")
+_TWOFOLD = re.compile(r"[+\-\u2212]?[1-9]\d{0,2},\d{3}", re.ASCII)  # 1,000 in English and German
 _PLAIN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 _WHOLE = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 _LONGEST = 40
@@ -35,6 +36,10 @@ def read_number(text: str, low: float = -math.inf, high: float = math.inf, unit:
         if _GROUPED.fullmatch(typed):
             fix = f"Write it without digit grouping, such as 1234.5; enter {limits}."
         raise UserError(f"'{shown}' is not a number.", fix)
+    if _TWOFOLD.fullmatch(typed):
+        point, whole = typed.replace(",", "."), typed.replace(",", "")
+        fix = f"Write {point}, or {whole} without grouping; enter {limits}."
+        raise UserError(f"'{shown}' may be {point} or {whole}.", fix)
     value = float(typed.replace(",", ".").replace("\u2212", "-"))
     if not low <= value <= high or math.isinf(value):
         raise UserError(f"{shown}{of} is outside the limits.", f"Enter {limits}.")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from esea_gen.errors import UserError
@@ -59,7 +61,7 @@ def test_point_and_comma_are_the_same_in_every_locale(field, leave):
 
 @pytest.mark.parametrize("leave", [False, True])
 def test_any_other_text_changes_nothing_and_says_why(field, leave):
-    grouped = ["1,234.5", "1.234,5", "1_0", "1'234", "1.234.567"]
+    grouped = ["1,234.5", "1.234,5", "1,000", "1_0", "1'234", "1.234.567"]
     grouped += ["1 234", "1\u00a0234", "1\u202f234"]
     others = ("", " ", "-", ".", "nan", "inf", "0x1", "--5", "5-", "٢", "２", "2.5 Nm")
     for text in (*grouped, *others, "100.1", "-1e3", "1e400"):
@@ -109,7 +111,9 @@ def test_paste_arrows_and_wheel(field):
 
 @given(st.floats(-1e9, 1e9), st.sampled_from(".,"))
 def test_what_is_shown_reads_as_the_same_number(value, point):
-    assert read_number(shown_number(value).replace(".", point), -1e9, 1e9) == value
+    text = shown_number(value).replace(".", point)
+    assume(not re.fullmatch(r"-?[1-9]\d{0,2},\d{3}", text))  # 1,000 may be a thousand
+    assert read_number(text, -1e9, 1e9) == value
 
 
 @given(st.text(alphabet="0123456789.,'_ \u00a0\u202f\u2019eE+-٢", max_size=12))
