@@ -552,6 +552,16 @@ def test_it_works_without_a_sensor(data):
         session.feel(where, "lots")
 
 
+@pytest.mark.parametrize("rate_deg_s", [-70, -15, 15, 70])
+def test_a_word_is_the_torque_against_the_movement_that_it_stands_for(data, rate_deg_s):
+    where = Location(80 * DEG, rate_deg_s * DEG)
+    felt, read = Assessment(data), Assessment(data)
+    felt.feel(where, "slight")
+    relaxed_Nm = 80 * DEG  # as the made-up people respond
+    read.observe(where, relaxed_Nm + math.copysign(4, rate_deg_s), 2.0)
+    assert felt.by_name() == pytest.approx(read.by_name(), abs=0.02)
+
+
 def test_settled_when_probabilities_have_stopped_changing(data):
     session = Assessment(data)
     a, r = GRID.centres.T

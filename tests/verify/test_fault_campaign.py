@@ -23,7 +23,7 @@ from esea_gen.verify.faults.kinds import (
     measured_and_wanted,
     words,
 )
-from esea_gen.verify.faults.rig import AFTER, COMMON, SCENES, SUBJECTS, rig_of
+from esea_gen.verify.faults.rig import AFTER, COMMON, SCENES, SUBJECTS, intended, rig_of
 from tests.cli.test_cli import refused, run
 from tests.conftest import require_tool
 
@@ -48,6 +48,18 @@ def distorted(kind: str, amount: float, values, low=0.0, high=4095.0, wraps=True
     for v in values[:2]:
         wrong(-1, v)
     return [wrong(age, v) for age, v in enumerate(values[2:])]
+
+
+@pytest.mark.parametrize("halt", [None, 1500, 2200])
+@pytest.mark.parametrize("motion", [0, 1])
+def test_a_persons_motion_is_one_of_a_body(motion, halt):
+    """Its speed is the angle's derivative, its acceleration the speed's, jumps at a halt aside."""
+    told = [intended(k, motion, halt) for k in range(4000)]
+    angle, speed, wanted = (np.array([t[n] for t in told]) for n in told[0])
+    assert np.abs(np.gradient(angle, 1e-3) - speed).max() < 5e-3 * speed.max()
+    jumps = np.abs(np.gradient(speed, 1e-3) - wanted) > 1e-2 * np.abs(wanted).max()
+    assert np.ptp(angle) > 0.2
+    assert jumps.sum() <= (4 if halt is None else 8)
 
 
 @pytest.mark.parametrize(
