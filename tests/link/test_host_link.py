@@ -446,10 +446,13 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
 
     address = f"tcp:127.0.0.1:{server}"
     lines = said("monitor", address, "--jsonl", "--seconds", "0.3").splitlines()
-    runs = [json.loads(line) for line in lines]
+    runs = [r for r in map(json.loads, lines) if "gap" not in r]
     assert len(runs) > 50
-    assert {r["stream"] for r in runs} == {"sense_out"}
-    assert np.all(np.diff([r["sequence"] for r in runs]) == 1)
+    assert {(r["stream"], r["simulated"], r["no_zero"]) for r in runs} == {
+        ("sense_out", True, True)
+    }
+    # A busy machine leaves gaps, which are told.
+    assert np.all(np.diff([r["sequence"] for r in runs]) == 1) or len(runs) < len(lines)
     assert "(simulated)" in said("monitor", address, "--seconds", "0.3")
     path = str(tmp_path / "a.mcap")
     text = said("record", address, path, "--seconds", "0.5", "--note", "a try")

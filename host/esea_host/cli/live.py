@@ -83,12 +83,13 @@ def monitor(
         board.listen(chosen, rate)
         queue = board.subscribe(chosen)
         if jsonl:
-            _lines(queue, seconds)
+            _lines(board, queue, seconds)
         else:
             _screen(board, queue, seconds)
 
 
-def _lines(queue: Subscription, seconds: float | None) -> None:
+def _lines(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
+    marks = {"simulated": True} if board.simulated else {}
     for _ in _until(seconds, 0.0):
         for batch in queue.take(0.1):
             for gap in batch.gaps:
@@ -96,7 +97,8 @@ def _lines(queue: Subscription, seconds: float | None) -> None:
             names = batch.rows.dtype.names or ()
             for row in batch.rows:
                 values = {n: row[n].tolist() for n in names}
-                told = plain({"stream": batch.layout.name} | values, null=True)
+                zero = {"no_zero": True} if lacks_zero(board.identity.device, {"": row}) else {}
+                told = plain({"stream": batch.layout.name} | marks | zero | values, null=True)
                 print(json.dumps(told), flush=True)
 
 
