@@ -21,6 +21,7 @@ MAGIC: dict[bytes, Kind] = {
 }
 # How others begin that a laboratory has, and what to do.
 OTHERS = {b"PK\x03\x04": "a spreadsheet or ZIP archive", b"\x1f\x8b": "compressed (gzip)"}
+BY_NAME: dict[str, Kind] = {".json": "json", ".mat": "mat"}  # MATLAB's version 4 has no mark
 MOST_JSON = 128 * 2**20
 BINARY = {"mat": read_mat, "hdf5": read_hdf5, "parquet": read_parquet}
 
@@ -47,7 +48,7 @@ def read_table(
             f"{name}: is a recording (MCAP), not a table.",
             "Export a stream of it: esea-host export RECORDING.mcap TABLE.csv.",
         )
-    kind: Kind = form.kind or found or ("json" if source.suffix.lower() == ".json" else "csv")
+    kind: Kind = form.kind or found or BY_NAME.get(source.suffix.lower(), "csv")
     if found and kind != found and (kind, found) != ("mat", "hdf5"):
         raise UserError(
             f"{name}: is a {found} file, but it is read as {kind}.",

@@ -53,8 +53,8 @@ def table_of(
     sizes = {k: np.size(v) for k, v in content.items() if not isinstance(v, str)}
     # Beside vectors a single value is a setting; alone, single values are a table of one row.
     least = min(2, max(sizes.values(), default=0))
-    known = [k for k, size in sizes.items() if size >= least]
-    single = sizes.keys() - known
+    single = {k for k, size in sizes.items() if size < least}
+    known = [k for k in sizes if k not in single and _is_column(_vector(content[k]))]
     cells: dict[str, Any] = {}
     for w in known if wanted is None else [*wanted, *(o for o in optional if o in content)]:
         value = content.get(w)
@@ -68,8 +68,8 @@ def table_of(
                 f"{name}: '{w}' has {sizes[w]} values, the columns have more.",
                 f"Name a column: {listed(known)}.",
             )
-        column = np.ravel(value) if np.size(value) == 1 else np.squeeze(value)
-        if column.ndim != 1 or column.dtype.kind in "cbSV":
+        column = _vector(value)
+        if not _is_column(column):
             raise UserError(
                 f"{name}: '{w}' has shape {value.shape} and type {value.dtype}, it is not a vector "
                 "of real numbers or texts.",
@@ -88,6 +88,14 @@ def table_of(
     if wanted is None and not known:
         raise UserError(f"{name}: has no columns; it has {listed(gone)}.", "Write vectors.")
     return table.noting(f"{listed(gone)}, not columns") if gone else table
+
+
+def _vector(value: Any) -> Any:
+    return np.ravel(value) if np.size(value) == 1 else np.squeeze(value)
+
+
+def _is_column(vector: Any) -> bool:
+    return vector.ndim == 1 and vector.dtype.kind not in "cbSV"
 
 
 def read_mat(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
@@ -232,7 +240,7 @@ def read_hdf5(raw: bytes, name: str, wanted: Sequence[str] | None) -> Content:
         elif item.dtype.names:
             found = f"a compound with {listed([f'{path}.{n}' for n in item.dtype.names])}"
             for n in item.dtype.names:
-                out[f"{path}.{n}"] = "a text in a compound, not a column"
+                out[f"{path}.{n}"] = "texts or a matrix in a compound, not a column"
                 inner, kind = meant(f"{path}.{n}"), item.dtype[n]
                 if kind.hasobject or item.ndim != 1:
                     continue

@@ -48,6 +48,8 @@ HOSTILE = {
     "open quote": (spoilt('"5 in') + "5,6\n", ["line 4, character 3", "quote"]),
     "two open quotes": (spoilt('"5') + '4,"5\n6,7\n', ["line 4, character 3"]),
     "quoted line break": (spoilt('"5\n6"'), ["line 4, character 3"]),
+    "open quote with two": (spoilt('"5""6'), ["line 4, character 3", "quote"]),
+    "a recording": (b"\x89MCAP0\r\n", ["is a recording (MCAP), not a table"]),
     "text after a quote": (spoilt('"5"6'), ["line 4, character 5", "quote"]),
     "long row": (spoilt("3,9"), ["line 4 has 3 cells for 2 names"]),
     "every row long": ("AA,BB\n0,1,2\n1,2,3\n", ["line 2 has 3 cells for 2 names"]),
@@ -176,6 +178,9 @@ def test_the_kind_is_told_by_the_content():
     table = read(parquet(T, names=["x"]))
     assert (table.form.kind, table.numbers("x").tolist()) == ("parquet", T.tolist())
     assert read(mat(x=X)).numbers("x").tolist() == X.tolist()  # from a process of its own
+    file = io.BytesIO()
+    scipy.io.savemat(file, {"x": X}, format="4")  # which has no mark: by the name
+    assert read_table(Path("rig.mat"), raw=file.getvalue()).numbers("x").tolist() == X.tolist()
     for kind, said in (("csv", "is a parquet file, but it is read as csv"), ("json", "as json")):
         with pytest.raises(UserError, match=said):
             read(b"PAR1", form=TableFormat(kind=kind))
@@ -294,8 +299,8 @@ def test_one_row_is_a_table(kind, raw):
 
 @pytest.mark.usefixtures("here")
 def test_a_single_value_beside_vectors_is_no_column():
-    table = read(mat(x=X, n=5.0))
-    assert (table.names, table.left_out) == (("x",), ("'n', not columns",))
+    table = read(mat(x=X, n=5.0, on=X > 2, m=np.eye(3)))  # nor are flags and matrices
+    assert (table.names, table.left_out) == (("x",), ("'n', 'on', 'm', not columns",))
     with pytest.raises(UserError, match="'n' has 1 value"):
         read(mat(x=X, n=5.0), "n")
 
@@ -343,6 +348,12 @@ BIG = 2**53 + 1
         ("mat", lambda: mat(y=X), "no column 'x'"),
         ("mat", lambda: mat(x=np.array([["a"]], object)), "'x' is a cell"),
         ("mat", lambda: mat(**{"x.b": X, "x": {"b": X}}), "'x.b' occurs 2 times"),
+        (
+            "mat",
+            lambda: mat(x=np.zeros(2, [("a", "f8")])),
+            "array of 2 structs with the fields 'x.a'",
+        ),
+        ("hdf5", lambda: hdf5(x=np.zeros((2, 2), [("a", "f8")])), "a compound with 'x.a'"),
         ("hdf5", lambda: hdf5(**{"x.b": X, "x__b": X}), "'x.b' occurs 2 times"),
         ("parquet", lambda: parquet(X, [{"b": 1.0}] * 3, names=["x.b", "x"]), "'x.b' occurs 2"),
         ("json", lambda: as_json({"x.b": [1, 2], "x": {"b": [3, 4]}}), "'x.b' occurs 2 times"),
@@ -359,6 +370,7 @@ BIG = 2**53 + 1
         ("json", lambda: as_json({"x": [1, True]}), "row 2, column 'x': 'True' is not a number"),
         ("json", lambda: as_json({"x": [1, "2"]}), "'2' is not a number"),
         ("json", lambda: as_json({"x": [BIG, 2]}), "2^53"),
+        ("json", lambda: as_json({"x": [1, 10**400]}), "row 2, column 'x': 1000"),
         ("json", lambda: as_json({"x": [1, None]}), "row 2, column 'x' is empty"),
         ("json", lambda: as_json({"x": [1, np.nan]}), "row 2, column 'x' is nan"),
         ("json", lambda: as_json([{"x": 1}, {"y": 2}]), "row 2, column 'x' is empty"),
