@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -62,12 +63,14 @@ class Wall(ClosedLoopStudy):
     def cases(self) -> list[Case]:
         return [push_case(push, hand) for push in PUSH_NM for hand in HANDS_NM_RAD]
 
+    def of(self, device: Device) -> Self:
+        """The study on a device, whose impairment has the wall."""
+        if device.file.impairment is None:
+            fix = "Give --controller wrist_drive."
+            raise UserError(f"{device.origin}: has no section [impairment].", fix)
+        return super().of(device)
+
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        if "acts" not in run.controller:
-            raise UserError(
-                f"{device.origin}: no section [impairment], or several axes without --axis.",
-                "Give --controller wrist_drive.",
-            )
         w = case.trajectory.window
         tau = run.plant["tau_e_Nm"][w]
         t = np.linspace(-1, 1, len(tau))
@@ -89,8 +92,8 @@ class Wall(ClosedLoopStudy):
     def table(self, done: Simulation) -> list[str]:
         s = done.setting
         lines = [
-            f"{self.title}, simulated: {s.controller}, {s.axis}, plant {s.plant}, hand {s.person}, "
-            f"{len(done.seeds)} runs a case",
+            f"{self.title}, simulated: {s.controller}{done.more}, plant {s.plant}, "
+            f"hand {s.person}, {len(done.seeds)} runs a case",
             f"{'case':32}{'ripple':>10}{'largest':>10}{'torque':>10}{'angle, deg':>12}",
         ]
         largest = generated = 0.0
