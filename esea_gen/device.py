@@ -22,7 +22,7 @@ from esea_gen.devices.file import (
     shipped_devices,
 )
 from esea_gen.devices.numbers import Quantity
-from esea_gen.errors import UserError
+from esea_gen.errors import UserError, choose
 from esea_gen.language.block import Block
 from esea_gen.language.system import System
 from esea_gen.model.filters import tracking_observer
@@ -113,7 +113,8 @@ class Device(DeviceData):
         asked = self.file.laws or [n for n in reversed(LAW_SECTIONS) if getattr(self.file, n)][:1]
         # Relative to the file that asks for them.
         folder = Path(self.given[0]).parent
-        return tuple(find_law(n, folder, self.law_files.get(n.rpartition(":")[0])) for n in asked)
+        kept = self.law_files
+        return tuple(_law(n, self.origin, folder, kept.get(n.rpartition(":")[0])) for n in asked)
 
     def own_laws(self) -> dict[str, bytes]:
         """The files of its laws from outside the package, by their names in the device file."""
@@ -194,6 +195,11 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
     names = [n.strip() for n in controller.split(",")]
     if len(set(names)) != len(names):
         raise UserError(f"--controller {controller}: names one twice.", "Give each once.")
+    for name in names:
+        if name.endswith(".py"):
+            raise UserError(f"{name}: which law of it?", f"Write its name there, as {name}:LAW.")
+        if not name.endswith(".toml") and ".py:" not in name:
+            choose("controller", name, controllers(), ", or give FILE.toml or FILE.py:law")
     files = [n for n in names if n in shipped_controllers() or n.endswith(".toml")]
     own = any(".py:" in str(n) for f in files for n in controller_document(f).get("laws", []))
     if len(files) == len(names) and not own:
@@ -203,7 +209,7 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
         for name in names:
             if name in files:
                 own_laws = controller_document(name).get("laws", [])
-                laws |= {str(n): _named_law(n, name) for n in own_laws}
+                laws |= {str(n): _law(n, name, Path(name).parent) for n in own_laws}
             else:
                 laws[Path(name).name] = find_law(name)
         # As if the file named them, so that it can be read again beside them.
@@ -217,10 +223,15 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
     return device
 
 
-def _named_law(law: object, file: str) -> Law:
-    if law not in LAWS and ".py:" not in str(law):
-        raise UserError(f"{file}: laws names {law!r}.", f"Choose from {', '.join(LAWS)}.")
-    return find_law(str(law), Path(file).parent)
+def controllers() -> list[str]:
+    """Names that a controller may have without a file: configurations, then laws."""
+    return [*sorted(shipped_controllers()), *(n for n in LAWS if n not in shipped_controllers())]
+
+
+def _law(law: object, file: str, folder: Path, content: bytes | None = None) -> Law:
+    if ".py:" not in str(law):
+        choose(f"law in {file}:", str(law), LAWS, ", or write FILE.py:law")
+    return find_law(str(law), folder, content)
 
 
 def parse_device(text: str, origin: str) -> Device:

@@ -20,11 +20,11 @@ from esea_gen.analysis.plots import new_figure, save
 from esea_gen.cli import main, names
 from esea_gen.cli.app import app
 from esea_gen.cli.groups import registered
+from esea_gen.device import controllers
 from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.studies.registry import Reproduction, Study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy
-from esea_gen.twin.controllers import controllers
 from esea_gen.twin.published import PEOPLE
 
 # None of these may be loaded to show a list of commands, or to complete a name.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import casadi as ca
 
@@ -24,8 +24,6 @@ SETPOINT_BANDWIDTH_HZ = 50.0
 # second difference makes spikes of these, the observer gives numbers that belong together.
 def setpoint_rates(device: DeviceData, kind: Kind = "observer") -> Block:
     """Rate and acceleration of the deflection set-point: observer, or differences as published."""
-    if kind not in get_args(Kind):
-        raise ValueError(f"kind must be one of {get_args(Kind)}, got {kind!r}")
     return Block.of((_SetObserver if kind == "observer" else _Differences)(device))
 
 

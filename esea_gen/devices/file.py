@@ -28,7 +28,7 @@ from esea_gen.devices.scaled import scaled_to
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import UNIT_SUFFIXES, Constant, unit_of
 from esea_gen.portability import check_file_name
-from esea_gen.toml_file import Problem, checked, parse_toml, read_text
+from esea_gen.toml_file import Problem, checked, parse_toml, read_text, table_type
 
 
 def render_toml(file: DeviceFile) -> str:
@@ -306,7 +306,8 @@ def _fix(problem: Problem) -> str | UserError:
             return f"Write {SERIES_FORM}."
         if problem.within is Quantity:
             return 'Write { value = 1.0, status = "assumed", source = "why" }.'
-        return "Add it; the shipped elbow.toml shows the form."
+        shipped = next(iter(_shipped(str(problem.loc[0]))), "elbow")
+        return f"Add it; the shipped {shipped}.toml shows the form."
     if problem.key == "name":
         return NAME_RULE
     if problem.key == "schema":
@@ -320,7 +321,9 @@ def _fix(problem: Problem) -> str | UserError:
         return f"A row of numbers is written {SERIES_FORM}."
     if isinstance(problem.given, str) and re.fullmatch(r"[-+]?\d+,\d+", problem.given):
         return f"Write a decimal point and no quotes: {problem.given.replace(',', '.')}."
-    return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
+    if Quantity in (problem.within, table_type(problem.wanted)):
+        return 'A number is written { value = 1.0, status = "published", source = "where from" }.'
+    return ""  # the key's own text
 
 
 def check_new_name(name: str) -> None:

@@ -103,8 +103,6 @@ def step_max_counts(device: DeviceData, side: Side) -> int:
 
 
 def _side(device: DeviceData, side: Side) -> EncoderSide:
-    if side not in SIDES:
-        raise ValueError(f"side must be one of {SIDES}, got {side!r}")
     own: EncoderSide | None = getattr(device.file.encoder, side)
     return own or EncoderSide()
 

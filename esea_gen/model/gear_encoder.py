@@ -41,11 +41,8 @@ def gear_encoder(device: DeviceData) -> Block:
 class _GearEncoder:
     def __init__(self, device: DeviceData) -> None:
         a, j = device.file.actuator, device.file.joint
-        if a is None or j is None:
-            raise UserError(
-                f"{device.origin}: the motor's encoder needs the sections [actuator] and [joint].",
-                'Add them, or write extends = "elbow_drive" and give what differs.',
-            )
+        assert a is not None  # as of every drive
+        assert j is not None
         self.device, self.actuator = device, a
         self.h = device.period_s
         self.full = 1 << int(a.encoder_bits.value)

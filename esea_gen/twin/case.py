@@ -32,8 +32,7 @@ class Scale:
     @classmethod
     def of(cls, device: DeviceData) -> Scale:
         safety = device.file.safety
-        if safety is None:
-            return cls()
+        assert safety is not None
         low, high = safety.rom_min_rad.value, safety.rom_max_rad.value
         travel = min(1.0, (high - low) / RANGE_RAD)
         first = max(0.0, low - travel * LOW_RAD)

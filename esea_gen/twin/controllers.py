@@ -6,18 +6,12 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
-from esea_gen.control.laws import LAWS
 from esea_gen.device import Device, load_device
-from esea_gen.devices.file import read_file, shipped_controllers, shipped_devices
-from esea_gen.errors import UserError, choose
+from esea_gen.devices.file import read_file, shipped_devices
+from esea_gen.errors import UserError
 from esea_gen.language.system import System
 
 DRIVE = "elbow_drive"  # whose plant the virtual exoskeleton has
-
-
-def controllers() -> list[str]:
-    """Names that a controller may have without a file: configurations, then laws."""
-    return [*sorted(shipped_controllers()), *(n for n in LAWS if n not in shipped_controllers())]
 
 
 def controller_device(controller: str) -> Device:
@@ -28,14 +22,9 @@ def controller_device(controller: str) -> Device:
             device = _device.__wrapped__(controller, None, text)  # a law of it was edited
         return _simulated(device)
     names, _, base = controller.partition("@")
-    parts = names.split(",")
-    for part in parts:
-        if part.endswith(".py"):
-            raise UserError(f"{part}: which law of it?", f"Write its name there, as {part}:LAW.")
-        if not part.endswith(".toml") and ".py:" not in part:
-            choose("controller", part, controllers(), ", or give a device or FILE.py:law")
     base = base or DRIVE
-    return _simulated(_device(base, names, read_file(base)[0] + "".join(map(_content, parts))))
+    contents = map(_content, names.split(","))
+    return _simulated(_device(base, names, read_file(base)[0] + "".join(contents)))
 
 
 def _simulated(device: Device) -> Device:

@@ -287,7 +287,9 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("controller", "said"),
     [
-        ("sliding_mod", r"Unknown law 'sliding_mod'.*Did you mean sliding_mode\?"),
+        ("sliding_mod", r"Unknown controller 'sliding_mod'.*Did you mean sliding_mode\?"),
+        ("nope.toml", r"There is no controller 'nope.toml'"),
+        ("mine.py", r"which law of it"),
         ("nowhere.py:LAW", r"there is no file nowhere\.py"),
         (EXAMPLE.replace(":LAW", ":LAV"), r"no law 'LAV' in it.*Did you mean LAW\?"),
         ("broken.py:LAW", r"broken\.py, line 1: cannot be imported \(ZeroDivisionError"),

@@ -126,6 +126,7 @@ def test_an_inherited_inertia_names_what_the_same_motor_has():
     ("sections", "words"),
     [
         ({"actuator": {"rotor_kgm2": 2e-4}}, r"J_kgm2 = 0\.663 is below .* 1\.0952\. Give J_kgm2"),
+        ({"timing": {"sense_rate_Hz": 3000.0}}, r"no whole number .* Give 3003\.003 Hz"),
         ({"actuator": {"fc_Nm": 17.0}}, r"fc_Nm = 17 is not below .* 16\.354: the motor cannot"),
         (
             {"timing": {"control_rate_Hz": 10.0}},
@@ -135,7 +136,7 @@ def test_an_inherited_inertia_names_what_the_same_motor_has():
 )
 def test_what_no_drive_can_be_is_refused(sections, words):
     with pytest.raises(UserError, match=words):
-        parse_device(own(**sections), "mine.toml")
+        _ = parse_device(own(**sections), "mine.toml").system
 
 
 # -- scaling --------------------------------------------------------------------------------------
@@ -176,6 +177,9 @@ def test_a_number_that_the_file_gives_is_left_as_it_is():
     assert quick.actuator.omega_max_rad_s.value == pytest.approx(0.8 * math.pi * 1000 / 600, 1e-3)
 
 
+MPC = 'extends = "elbow_mpc"\n[predictive]\n'
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -183,11 +187,23 @@ def test_a_number_that_the_file_gives_is_left_as_it_is():
         ('extends = "elbow"\nscaled = true\n', r"elbow has no actuator\.gear_ratio to scale from"),
         ('extends = "elbow_drive"\nscaled = 1\n', r"scaled = 1"),
         ('extends = "elbow_drive"\nscalde = true\n', r"unknown key scalde.*Did you mean scaled"),
+        ('extends = "elb"\n', r"extends = 'elb' is not a shipped device"),
+        ('extends = "elbow_drive"\nlaws = "smc"\n', r"line 5: laws = 'smc'.*written FILE\.py:LAW"),
+        ('extends = "elbow_drive"\nlaws = ["foo"]\n', r"Unknown law in mine\.toml: 'foo'"),
+        ('extends = "elbow"\n[impairment]\n', r"wall_rad is missing .* shipped wrist_drive\.toml"),
+        ('extends = "elbow_drive"\n[joint]\nJh_kgm2 = 5\n', r"Jh_kgm2 = 5: .*A number is written"),
+        (
+            'extends = "elbow_drive"\n[joint]\nJh_kgm2 = <"0,5">',
+            r"decimal point and no quotes: 0\.5",
+        ),
+        (f"{MPC}long_intervals = <50>", r"mine\.toml: .*long_intervals = 50 is not below .* 6"),
+        (f"{MPC}long_intervals = <0>\nintervals = <2>\ninterval_s = <1e-3>", r"0\.002 s, is below"),
     ],
 )
-def test_a_wrong_scaling_is_refused(text, words):
+def test_a_wrong_key_is_refused(text, words):
+    text = text.replace("<", "{ value = ").replace(">", ', status = "assumed", source = "x" }')
     with pytest.raises(UserError, match=words):
-        parse_device(f'schema = 1\nname = "mine"\ntitle = "mine"\n{text}', "mine.toml")
+        _ = parse_device(f'schema = 1\nname = "mine"\ntitle = "mine"\n{text}', "mine.toml").system
 
 
 # -- how it is asked for --------------------------------------------------------------------------

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import pkgutil
 from pathlib import Path
 
 from esea_gen.control.law import Law
 from esea_gen.control.own_law import outside_law
-from esea_gen.errors import UserError
+from esea_gen.errors import choose
 
 LAWS = tuple(found.name for found in pkgutil.iter_modules(__path__))
 
 
 def find_law(text: str, folder: Path | None = None, content: bytes | None = None) -> Law:
     """A law by its name, or as :func:`outside_law` has it."""
-    if text in LAWS:
-        law: Law = importlib.import_module(f"{__name__}.{text}").LAW
-        return law
     if ".py:" in text:
         return outside_law(text, folder, content)
-    close = difflib.get_close_matches(text, LAWS, n=1)
-    hint = f"Did you mean {close[0]}? " if close else ""
-    raise UserError(
-        f"Unknown law '{text}'.", f"{hint}Choose from {', '.join(LAWS)}, or write FILE.py:law."
-    )
+    choose("law", text, LAWS, ", or write FILE.py:law")
+    law: Law = importlib.import_module(f"{__name__}.{text}").LAW
+    return law

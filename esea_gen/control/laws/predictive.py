@@ -19,6 +19,7 @@ from esea_gen.control.predictive.rubber_ahead import rubber_ahead
 from esea_gen.control.shown import shown_reference, with_state_as_output
 from esea_gen.control.trend import trend
 from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
 from esea_gen.language.block import Block
 from esea_gen.language.component import Component
 from esea_gen.language.ports import Port
@@ -43,7 +44,20 @@ def device_horizon(device: DeviceData) -> Horizon:
         return Horizon(delay_s=delay_s)
     many, substeps = int(asked.intervals.value), int(asked.substeps.value)
     longer = 0 if asked.long_intervals is None else int(asked.long_intervals.value)
-    return Horizon(many, asked.interval_s.value, substeps, delay_s, longer)
+    if longer >= many:
+        raise UserError(
+            f"{device.origin}: predictive.long_intervals = {longer} is not below its intervals, "
+            f"{many}.",
+            "Lower it, or take more intervals.",
+        )
+    made = Horizon(many, asked.interval_s.value, substeps, delay_s, longer)
+    if (length_s := sum(made.lengths_s)) < delay_s:
+        raise UserError(
+            f"{device.origin}: the horizon of [predictive], {length_s:g} s, is below the "
+            f"{delay_s:g} s from a measurement to its command.",
+            "Take more intervals, or longer ones.",
+        )
+    return made
 
 
 def drive_train(device: DeviceData) -> DriveTrain:

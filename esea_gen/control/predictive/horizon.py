@@ -15,12 +15,8 @@ from typing import Any
 
 import casadi as ca
 
-from esea_gen.errors import UserError
 from esea_gen.language.component import PrepareFn
 from esea_gen.language.ports import Constant, Equation, Port, Tunable
-
-INTERVALS = (2, 100)
-SUBSTEPS = (1, 50)
 
 
 @dataclass(frozen=True)
@@ -32,30 +28,6 @@ class Horizon:
     substeps: int = 4
     delay_s: float = 0.001
     long_intervals: int = 0  # so many, the last, are twice as long
-
-    def __post_init__(self) -> None:
-        for name, value, (low, high) in (
-            ("intervals", self.intervals, INTERVALS),
-            ("substeps", self.substeps, SUBSTEPS),
-            ("long_intervals", self.long_intervals, (0, self.intervals - 1)),
-        ):
-            if not low <= value <= high:
-                raise UserError(
-                    f"Predictive control: {name} is {value}; {low} to {high} are possible.",
-                    "Change it.",
-                )
-        if not 0 < self.interval_s <= 10:
-            raise UserError(
-                f"Predictive control: interval_s is {self.interval_s}; above 0 to 10 is possible.",
-                "Change it.",
-            )
-        length_s = (self.intervals + self.long_intervals) * self.interval_s
-        if not 0 <= self.delay_s <= length_s:
-            raise UserError(
-                f"Predictive control: delay_s is {self.delay_s}; 0 to the horizon's "
-                f"{length_s:g} s is possible.",
-                "Predict less far, or take longer intervals.",
-            )
 
     @property
     def substep_s(self) -> float:
@@ -90,19 +62,8 @@ class Horizon:
 class Stops:
     """Stop operators of the elastomer (3.5 to 3.11)."""
 
-    r: tuple[float, ...]
-    p: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.r) != len(self.p) or not self.r:
-            raise UserError(
-                f"Stop operators: {len(self.r)} thresholds and {len(self.p)} weights.",
-                "Give one weight for each threshold.",
-            )
-        if any(b <= a for a, b in zip((0.0, *self.r), self.r, strict=False)):
-            raise UserError(
-                f"Stop operators: the thresholds {self.r} do not rise from above 0.", "Sort them."
-            )
+    r: tuple[float, ...]  # thresholds, rising from above 0
+    p: tuple[float, ...]  # their weights
 
 
 @dataclass(frozen=True)
