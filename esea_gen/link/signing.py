@@ -29,12 +29,9 @@ def key_folder() -> Path:
 
 
 def stored_keys(name: str = "") -> list[Path]:
-    """Stored key files whose name starts so, the newest first."""
-    try:
-        found = [(p.stat().st_mtime, p) for p in key_folder().glob(f"{escape(name)}*{SUFFIX}")]
-    except OSError as error:
-        raise LinkError(f"{key_folder()} cannot be read ({error.strerror})") from None
-    return [p for _, p in sorted(found, reverse=True)]
+    """Stored key files whose name starts so, the newest first; also a link to nothing."""
+    found = key_folder().glob(f"{escape(name)}*{SUFFIX}")
+    return sorted(found, key=lambda p: p.lstat().st_mtime, reverse=True)
 
 
 def new_key_path(device: str, board: str) -> Path:
@@ -83,7 +80,8 @@ def write_key(path: Path, key: bytes) -> None:
         fix = "Use it with use_key, or give another file: a key that is lost locks you out."
         raise LinkError(what, fix) from None
     except OSError as error:
-        raise LinkError(f"{path} cannot be written ({error.strerror})") from None
+        what = f"{path} cannot be written ({error.strerror})"
+        raise LinkError(what, "Give another file for the key.") from None
 
 
 def read_key(path: Path) -> bytes:

@@ -128,7 +128,7 @@ class SerialTransport(Transport):
         try:
             self._port.write_timeout = timeout_s
             self._port.write(data)
-        except OSError as error:
+        except (OSError, TypeError) as error:  # TypeError: closed by another thread
             raise LinkError(f"the board does not take data ({_why(error)})") from None
 
     def close(self) -> None:
@@ -154,8 +154,6 @@ class PtyTransport(Transport):
             if not ready:
                 return b""
             data = os.read(self._handle, RECEIVE_CHUNK_BYTES)
-        except BlockingIOError:
-            return b""
         except (OSError, ValueError) as error:  # ValueError: closed by another thread
             raise LinkError(f"the link broke ({_why(error)})") from None
         if not data:

@@ -64,6 +64,7 @@ def test_every_command_finds_the_key_or_says_what_is_missing(address, command, t
     assert stat.S_IMODE(key_folder().stat().st_mode) == 0o700
     write_key(key_folder() / "elbow_drive-other-1.key", new_key())  # of another board
     (key_folder() / "broken.key").write_text("{")
+    (key_folder() / "gone.key").symlink_to("nowhere")
     study = tmp_path / "study"
     study_of(study, of_tasks(TRACKING))
     record = tmp_path / "a.mcap"

@@ -198,6 +198,20 @@ def test_nobody_who_takes_data_is_an_error_in_time():
         theirs.close()
 
 
+@pytest.mark.parametrize("kind", [PtyTransport, SerialTransport])
+def test_a_line_that_is_closed_or_gone_is_an_error_of_the_link(kind):
+    with opened() as (_, name):
+        closed = kind(name)
+        threading.Timer(0.1, closed.close).start()
+        with pytest.raises(LinkError):  # while it waits for room
+            closed.write(bytes(1 << 20), 1)
+        gone = kind(name)
+    for use in (lambda: gone.read(1), lambda: gone.write(b"a", 1)):
+        with pytest.raises(LinkError, match=r"broke|closed|does not take"):
+            use()
+    gone.close()
+
+
 def test_a_file_is_read_and_takes_nothing(elbow, tmp_path):
     dialect = load_dialect(elbow)
     encoder = dialect.MAVLink(None, 1, 1)
