@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -15,13 +17,13 @@ _STARTED_S = time.time()
 
 
 def cache_folder() -> Path:
-    """The user's folder of reproducible results, created if missing."""
+    """The user's folder of reproducible results, created if missing; else a scratch folder."""
     folder = user_folder("cache", "esea-gen")
-    try:
+    with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return Path(scratch_folder())
-    return folder
+        if os.access(folder, os.W_OK):
+            return folder
+    return Path(scratch_folder())
 
 
 def scratch_folder() -> str:

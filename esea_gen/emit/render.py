@@ -22,6 +22,7 @@ from esea_gen.emit.printed import DEVICE, EmittedBlock, bare, comment, field_typ
 from esea_gen.emit.program_c import EmittedProgram, emit_program
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.emit.wrapping import wrap
+from esea_gen.errors import UserError
 from esea_gen.files import template_folder, write_whole
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
@@ -51,7 +52,7 @@ class _Compiled(jinja2.BytecodeCache):
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
         code = bucket.bytecode_to_string()
-        with suppress(OSError):  # a full disk costs the next process its time and no more
+        with suppress(UserError):  # a full disk costs the next process its time and no more
             path = self.folder / f"{bucket.key}.template"
             write_whole(path, hashlib.sha256(code).digest() + code)
 

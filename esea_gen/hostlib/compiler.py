@@ -116,7 +116,11 @@ def compile_sources(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), scratch)
         if done.returncode != 0:
             raise RuntimeError(f"the generated C does not compile:\n{done.stderr}")
-        write_whole(kept, built.read_bytes())  # a second process sees all of it or none
+        try:
+            write_whole(kept, built.read_bytes())  # a second process sees all of it or none
+        except UserError:  # a full disk
+            kept = Path(scratch_folder()) / kept.name
+            write_whole(kept, built.read_bytes())
     return kept
 
 

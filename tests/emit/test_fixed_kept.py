@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 import esea_gen
-from esea_gen.cache import code_digest
+from esea_gen.cache import cache_folder, code_digest
 from esea_gen.emit.fixed import kept
 from esea_gen.emit.fixed.kept import ROOMS
 from esea_gen.emit.fixed.plan import Planner
 from esea_gen.emit.fixed.search import search
+from esea_gen.emit.render import environment
+from esea_gen.hostlib.compiler import compile_sources
 
 
 @pytest.fixture
@@ -115,3 +117,16 @@ def test_the_search_reads_no_code_but_that_of_the_digest():
     own = (Path(name) for name in read if Path(name).is_relative_to(root))
     assert {path.relative_to(root).parts[0] for path in own} == set(ROOMS)
     assert code_digest(ROOMS) != code_digest(("emit",)) != code_digest()
+
+
+def test_a_cache_without_room_costs_time_and_nothing_else(folder, monkeypatch):
+    source = {"a.c": "int given(void) { return 5; }"}
+    kept_as = compile_sources(source)
+    kept_as.unlink()
+    kept_as.mkdir()  # no file can take its place
+    assert compile_sources(source).is_file()
+    folder.rename(folder.with_name("moved"))
+    folder.write_text("no folder")
+    monkeypatch.setattr(environment().bytecode_cache, "folder", folder)
+    assert environment().get_template("bench/bare.ld.j2")
+    assert cache_folder().is_dir()
