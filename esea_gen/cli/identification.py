@@ -12,7 +12,7 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import folder_to_be, option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain, read_json, write_json, write_whole
@@ -58,7 +58,8 @@ def identify(
     mapping: options.MappingArgument,
     data: options.DataOption = None,
     folder: Annotated[
-        Path | None, option("--out DIR", "Output folder; default: identified/<device>.")
+        Path | None,
+        option("--out DIR", "Output folder; default: identified/<device>.", callback=folder_to_be),
     ] = None,
     inverse: Annotated[
         bool, option("--inverse", "Refit the published inverse's play operators too.")
@@ -187,13 +188,14 @@ def _identify_model(
     page, text = target / f"{result.device.name}.html", identification_page(result)
     if page.is_dir():
         raise UserError(f"{page} is a folder.", "Give another --out folder.")
+    # First what was computed: a device file that was edited by hand is not replaced.
+    out.lines([*result.summary(), *(refit.summary() if refit else [])])
+    write_json(json_file, "identify", content)
     path = result.write(target)
     write_whole(page, text)
-    out.lines([*result.summary(), *(refit.summary() if refit else [])])
+    write_json(path.with_suffix(".json"), "identify", content)
     out.print(f"device file: {path}")
     out.print(f"report: {page}")
-    for file in (path.with_suffix(".json"), json_file):
-        write_json(file, "identify", content)
     out.next("build", str(path))
 
 
@@ -216,7 +218,8 @@ def advise(
         float, option("--minutes", "How long the motions may take in all.", min=0.1)
     ] = 10.0,
     folder: Annotated[
-        Path | None, option("--out DIR", "Folder for the motions: time and deflection.")
+        Path | None,
+        option("--out DIR", "Folder for the motions: time, deflection.", callback=folder_to_be),
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:

@@ -90,6 +90,15 @@ def writable(path: Path | None) -> Path | None:
     return path
 
 
+def folder_to_be(path: Path | None) -> Path | None:
+    """An output folder, tried in the same way."""
+    if path is not None:
+        if path.is_file():
+            raise UserError(f"{path}: is a file.", "Give a folder.")
+        writable(path / "new")
+    return path
+
+
 JsonOption = Annotated[
     Path | None, option("--json FILE", "Also write the result as JSON.", callback=writable)
 ]

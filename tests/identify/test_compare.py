@@ -303,12 +303,17 @@ def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
     few = tuple(m for m in members() if m.name in ("stops", "slips"))
     monkeypatch.setattr(comparing, "members", lambda: few)
     path = write_rig(tmp_path, {"small": 2.0, "middle": 3.5, "large": 5.0})
+    edited = tmp_path / "published" / "rig.toml"  # which stays; the result is told all the same
+    edited.parent.mkdir()
+    edited.write_text("mine")
     found = {}
     for name, given in (("chosen", draw), ("published", ["--model", "published"])):
-        out = tmp_path / name
-        done = CliRunner().invoke(app, ["identify", str(path), "--out", str(out), *given])
-        assert done.exit_code == 0, done.output
-        found[name] = json.loads((out / "rig.json").read_text())
+        to = ["--out", str(tmp_path / name), "--json", str(tmp_path / f"{name}.json")]
+        done = CliRunner().invoke(app, ["identify", str(path), *to, *given])
+        assert ("changed by hand" in str(done.exception)) == (name == "published"), done.output
+        assert "Rig: fit in % of full scale" in done.output
+        found[name] = json.loads((tmp_path / f"{name}.json").read_text())
+    assert [p.read_text() for p in edited.parent.iterdir()] == ["mine"]
     assert len([s for s in seen if s]) == 1 < len(seen)
     choice = found["chosen"]["choice"]
     assert choice["chosen"] in ("stops", "slips", "published")

@@ -231,6 +231,9 @@ def test_a_bound_that_says_nothing_of_the_torque_fails(elbow, monkeypatch):
         (["--model", "slips, worn", "--inverse"], "exact inverse of its own"),
         (["--compare", "--inverse"], "chooses the model itself"),
         (["--compare", "--model", "slips, worn"], "chooses the model itself"),
+        (["--model", "slips", "--search", "evolution"], "Nothing is searched in 'slips'"),
+        (["--out", __file__], "is a file. Give a folder."),
+        (["--out", "/dev/null/a"], "cannot be written (Not a directory)"),
         (["--model", "rubber"], "There is no model 'rubber'"),
     ],
 )
