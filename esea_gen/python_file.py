@@ -13,13 +13,14 @@ from esea_gen.errors import UserError
 from esea_gen.files import read_whole
 
 MOST_BYTES = 1 << 24
+MODULE = "esea_file_"  # begins the names of their modules
 
 
 def import_file(path: Path, content: bytes | None = None) -> ModuleType:
     """Run the file as a module, under a name of its own content: one that was edited is another."""
     text = read_whole(path, "Check the path.", MOST_BYTES) if content is None else content
     digest = hashlib.sha256(bytes(path.absolute()) + text).hexdigest()[:16]
-    name = f"esea_file_{path.stem}_{digest}"
+    name = f"{MODULE}{path.stem}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)

@@ -23,6 +23,7 @@ from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.received import shown_lines
 from esea_gen.portability import ENDING_SIGNALS, output_closed
+from esea_gen.python_file import MODULE
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
@@ -174,6 +175,11 @@ def explained(error: BaseException) -> str | None:
     module = type(error).__module__.partition(".")[0]
     if module in READERS or isinstance(error, UnicodeError | EOFError):
         return f"{INPUT} ({type(error).__name__}: {error}). {_given()}"
+    frames = traceback.walk_tb(error.__traceback__)
+    own = [(f, n) for f, n in frames if f.f_globals.get("__name__", "").startswith(MODULE)]
+    if own:  # the last place in a law, study or task of somebody's own
+        place = f"{own[-1][0].f_code.co_filename}, line {own[-1][1]}"
+        return f"{place}: {type(error).__name__}: {error}. Correct the file; -v shows its calls."
     return None
 
 
