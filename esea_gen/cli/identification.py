@@ -186,8 +186,6 @@ def _identify_model(
     if compared is not None:
         content["choice"] = compared.choice.to_dict() | {"compare": plain(compared.rows)}
     page, text = target / f"{result.device.name}.html", identification_page(result)
-    if page.is_dir():
-        raise UserError(f"{page} is a folder.", "Give another --out folder.")
     # First what was computed: a device file that was edited by hand is not replaced.
     out.lines([*result.summary(), *(refit.summary() if refit else [])])
     write_json(json_file, "identify", content)

@@ -186,7 +186,7 @@ class Block(Component):
         ValueError
             For ports that are missing, doubled or of the wrong size, or a free symbol in a result.
         """
-        check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
+        check_ports(name, title, period_s, tunables, coefficients, state, inputs, outputs)
         prepare_f, init_f = start_functions(name, tunables, coefficients, state, prepare)
         coef, raw_s, raw_u = map(symbols_of, (coefficients, state, inputs))
         label = Labels()

@@ -228,9 +228,13 @@ def _columns(table: Array, ports: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def check_ports(name: str, period_s: float, *groups: tuple[Port | Tunable, ...]) -> None:
-    """Reject a taken name, a non-positive period, duplicate ports and signed counts on wires."""
+def check_ports(
+    name: str, title: str, period_s: float, *groups: tuple[Port | Tunable, ...]
+) -> None:
+    """Reject wrong names and titles, a non-positive period and signed counts on wires."""
     check_name("block", name)
+    if not title.isprintable() or any(b in title for b in ("*/", "/*", "\\")):
+        raise ValueError(f"block {name}: title {title!r} would end or break a comment of the C")
     if not (math.isfinite(period_s) and period_s > 0):
         raise ValueError(f"block {name}: period_s must be positive, got {period_s}")
     for group in groups:

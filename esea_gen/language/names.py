@@ -54,6 +54,12 @@ def fault_of(name: str) -> str:
     return ""
 
 
+def check_flags(port: str, names: list[str]) -> None:
+    """Reject names of a status word's bits that the dialect cannot have, or that occur twice."""
+    if len({n for n in names if re.fullmatch("[A-Z][A-Z0-9_]*", n)}) < len(names):
+        raise ValueError(f"port {port}: flags {names} are not all different names in capitals")
+
+
 def check_name(kind: str, name: str) -> None:
     """Reject a name that is not possible in the emitted C."""
     fault = fault_of(name)

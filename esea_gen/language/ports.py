@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from esea_gen.language.names import check_name
+from esea_gen.language.names import check_flags, check_name
 
 Array = npt.NDArray[np.float64]
 
@@ -207,6 +207,7 @@ class Port:
             raise ValueError(f"port {self.name}: range [{self.low}, {self.high}] is empty")
         if self.size < 1:
             raise ValueError(f"port {self.name}: size {self.size} is below 1")
+        check_flags(self.name, [f.name for f in self.flags])
         low, high = f32_inside(self.low, self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)

@@ -84,7 +84,7 @@ class Program(Component):
 
         The builder must hold one array a port (see :func:`declare_ports`) and the part ``step``.
         """
-        check_ports(name, period_s, tunables, coefficients, state, inputs, outputs)
+        check_ports(name, title, period_s, tunables, coefficients, state, inputs, outputs)
         work = tuple(m.port for m in builder.memory.values() if m.region == "work")
         program = cls(
             name,

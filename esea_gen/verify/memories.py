@@ -91,8 +91,6 @@ def aimed_stream(
 ) -> list[Stream]:
     """A stream of single steps, each near a tie of one decision of a Block."""
     aim = _Aim.at(block, next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype)))
-    if not aim.decisions:
-        return []
     digest = aim.digest(tried)
     if digest not in _FOUND:  # of an equal Block, as devices share them
         _FOUND[digest] = _aimed(aim, tried)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -76,7 +78,7 @@ round,sq,radians,word,min,1x,theta-rad,größe,,a b"""
     [
         lambda n: Port(n, 0, 1, "meaning"),
         lambda n: Tunable(n, 0.5, 0, 1, "meaning", "source", "assumed"),
-        lambda n: check_ports(n, 1e-3),
+        lambda n: check_ports(n, "title", 1e-3),
     ],
     ids=["port", "tunable", "block"],
 )
@@ -85,3 +87,23 @@ def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
     with pytest.raises(ValueError, match=r"(port|tunable|block) name ") as told:
         define(name)
     define(str(told.value).rpartition("take ")[2].split("'")[1])
+
+
+X = Port("x", 0, 1, "meaning")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: check_ports("a", "*/ title", 1e-3), "comment of the C"),
+        (lambda: check_ports("a", "title", 0.0), "must be positive, got 0"),
+        (lambda: check_ports("a", "title", 1e-3, (X, X)), "port name occurs twice"),
+        (lambda: replace(X, size=0), "size 0 is below 1"),
+        (lambda: replace(X, flags=(Flag("Bad", "meaning"),)), "not all different .* capitals"),
+        (lambda: replace(X, flags=2 * (Flag("BAD", "meaning"),)), "not all different"),
+        (lambda: Port.count("x", 2**24, "meaning"), r"below 2\^24"),
+    ],
+)
+def test_a_wrong_port_or_block_is_refused(make, said):
+    with pytest.raises(ValueError, match=said):
+        make()
