@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 from esea_gen.control.law import Law
 from esea_gen.control.laws import LAWS, find_law
 from esea_gen.control.system import control_system
-from esea_gen.devices.fields import LAW_SECTIONS, DeviceFile
+from esea_gen.devices.fields import LAW_SECTIONS, MOST_LAWS, DeviceFile
 from esea_gen.devices.file import (
     DeviceData,
     controller_document,
@@ -212,6 +212,8 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
                 laws |= {str(n): _law(n, name, Path(name).parent) for n in own_laws}
             else:
                 laws[Path(name).name] = find_law(name)
+        if len(laws) > MOST_LAWS:
+            raise UserError(f"{len(laws)} laws, above the limit of {MOST_LAWS}.", "Give fewer.")
         # As if the file named them, so that it can be read again beside them.
         file = parse_file(text, origin, files).model_copy(update={"laws": tuple(laws)})
         device = Device(file, origin, tuple(laws.values()), ",".join(Path(n).name for n in names))

@@ -16,7 +16,6 @@ from esea_gen.model.symbolic import equations
 from esea_gen.observe import drive_of
 
 FADE_S = 0.1  # three times the motor's lag: the torque follows, the person feels no edge
-MOST_LAWS = 8
 
 
 @cache
@@ -29,8 +28,6 @@ def _places(laws: tuple[str, ...]) -> type[IntEnum]:
 
 def law_switch(device: DeviceData, laws: Sequence[str], checked: Sequence[str] = ()) -> Block:
     """The command of the law asked for, joined to the one before by an offset that fades."""
-    if not 2 <= len(laws) <= MOST_LAWS:
-        raise ValueError(f"{len(laws)} laws to switch between; 2 to {MOST_LAWS} can be")
     drive = drive_of(device)
     period, reach = drive.control_period_s, drive.u_Nm
     places = _places(tuple(laws))

@@ -47,16 +47,13 @@ def new_key_path(device: str, board: str) -> Path:
 
 def set_aside(path: Path) -> Path:
     """Keep a key file that is no longer used under another name, over no other file."""
-    for number in count(1):
-        aside = path.with_name(f"{path.name}.unpaired-{number}")
-        try:
-            rename_new(path, aside)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise LinkError(f"{path} cannot be moved aside ({error.strerror})") from None
-        return aside
-    raise AssertionError
+    names = (path.with_name(f"{path.name}.unpaired-{number}") for number in count(1))
+    aside = next(name for name in names if not os.path.lexists(name))
+    try:
+        rename_new(path, aside)
+    except OSError as error:
+        raise LinkError(f"{path} cannot be moved aside ({error.strerror})") from None
+    return aside
 
 
 def write_key(path: Path, key: bytes) -> None:

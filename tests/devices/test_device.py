@@ -30,33 +30,16 @@ def refuse(text: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            "k1_Nm_rad =",
-            "k1_Nmm_rad =",
-            ["mine.toml", "elastomer.k1_Nmm_rad", "unknown key", "k1_Nm_rad"],
-        ),
-        (
-            "theta_max_rad =",
-            "theta_max_deg =",
-            ["domain.theta_max_deg", "'deg'", "'rad'", "theta_max_rad"],
-        ),
-        (
-            "value = 9.39",
-            "value = -9.39",
-            ["elastomer.k1_Nm_rad", "-9.39 Nm/rad", "limit 0 Nm/rad", "0 to 1000"],
-        ),
-        (
-            "value = 9.39",
-            "value = 9390.0",
-            ["above its limit 1000", "Give a value from 0 to 1000 Nm/rad"],
-        ),
+        ("k1_Nm_rad =", "k1_Nmm_rad =", ["unknown key elastomer.k1_Nmm_rad", "k1_Nm_rad"]),
+        ("theta_max_rad =", "theta_max_deg =", ["domain.theta_max_deg", "'deg'", "theta_max_rad"]),
+        ("value = 9.39", "value = -9.39", ["k1_Nm_rad = -9.39 Nm/rad", "limit 0 Nm/rad"]),
+        ("value = 9.39", "value = 9390.0", ["limit 1000", "Give a value from 0 to 1000 Nm/rad"]),
         ("value = 9.39", 'value = "9.39"', ["elastomer.k1_Nm_rad.value", "valid number"]),
         ("value = 9.39", "value = nan", ["elastomer.k1_Nm_rad.value", "finite"]),
         ("value = 10,", "value = 10.5,", ["elastomer.stops", "10.5", "whole"]),
         ('status = "assumed"', 'status = "guessed"', ["status", "guessed", "published"]),
         ("[velocity]", "[speed]", ["unknown key speed", "velocity"]),
         ('name = "elbow"', 'name = "My Elbow"', ["name", "My Elbow", "pattern"]),
-        ("schema = 1", "schema = 7", ["schema", "7"]),
         ("schema = 1", "schema = ", ["not valid TOML"]),
         ("schema = 1", "schema = 1\nschema = 1", ["not valid TOML", "schema"]),
         ("thesis table 3.2", "x */ #error", ["source", "*/", "comment"]),
@@ -200,11 +183,6 @@ def test_relations_between_values():
     assert "domain.theta_max_rad = 0.9 is above limits.theta_rad = 0.35" in refuse(wide)
     slow = ELBOW.replace("sense_rate_Hz = { value = 1000.0", "sense_rate_Hz = { value = 100.0")
     assert "velocity.bandwidth_Hz = 15 Hz is above its limit" in refuse(slow)
-
-
-def test_unknown_device_suggests_one():
-    with pytest.raises(UserError, match="Did you mean elbow"):
-        load_device("elbwo")
 
 
 @settings(max_examples=25)

@@ -136,7 +136,7 @@ def test_an_inherited_inertia_names_what_the_same_motor_has():
 )
 def test_what_no_drive_can_be_is_refused(sections, words):
     with pytest.raises(UserError, match=words):
-        _ = parse_device(own(**sections), "mine.toml").system
+        parse_device(own(**sections), "mine.toml")
 
 
 # -- scaling --------------------------------------------------------------------------------------
@@ -192,10 +192,7 @@ MPC = 'extends = "elbow_mpc"\n[predictive]\n'
         ('extends = "elbow_drive"\nlaws = ["foo"]\n', r"Unknown law in mine\.toml: 'foo'"),
         ('extends = "elbow"\n[impairment]\n', r"wall_rad is missing .* shipped wrist_drive\.toml"),
         ('extends = "elbow_drive"\n[joint]\nJh_kgm2 = 5\n', r"Jh_kgm2 = 5: .*A number is written"),
-        (
-            'extends = "elbow_drive"\n[joint]\nJh_kgm2 = <"0,5">',
-            r"decimal point and no quotes: 0\.5",
-        ),
+        ('extends = "elbow_drive"\n[joint]\nJh_kgm2 = <"0,5">', r"point and no quotes: 0\.5"),
         (f"{MPC}long_intervals = <50>", r"mine\.toml: .*long_intervals = 50 is not below .* 6"),
         (f"{MPC}long_intervals = <0>\nintervals = <2>\ninterval_s = <1e-3>", r"0\.002 s, is below"),
     ],

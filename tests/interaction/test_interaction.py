@@ -186,7 +186,6 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--controller", "mine"], ["Unknown controller 'mine'", "smc, smc-published"]),
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["--points", 1], ["--points", "equal to 2"]),
         (["--push", 0], ["push of 0 rad/s", "up to 0.6"]),

@@ -221,7 +221,6 @@ def test_a_frequency_response_ends_where_the_drive_trips():
     ("arguments", "said"),
     [
         (["flying"], "Unknown study 'flying'. Choose from backdriven, bread"),
-        (["tuning", "--controller", "pid"], "Unknown controller 'pid'"),
         (["tuning", "--plant", "bad"], "Unknown plant 'bad'. Choose from ideal, real, random"),
         (["bread", "--person", "me"], "Unknown person 'me'"),
         (["bread", "--person", "none"], "bread needs a person to move the load"),

@@ -261,11 +261,7 @@ ROWS = [{"t": t, "x": x} for t, x in zip(T.tolist(), X.tolist(), strict=True)]
         ("mat", lambda: mat(t=T, x=X), ""),
         ("hdf5", lambda: hdf5(s__t=T, s__x=X), "s."),
         ("hdf5", lambda: hdf5(s__t=T, s__x=X), "s/"),
-        (
-            "hdf5",
-            lambda: hdf5(s=np.array([*zip(T, X, strict=True)], [("t", "f8"), ("x", "f4")])),
-            "s.",
-        ),
+        ("hdf5", lambda: hdf5(s=np.rec.fromarrays([T, np.float32(X)], names="t,x")), "s."),
         ("parquet", lambda: parquet(ROWS, names=["s"]), "s."),
         ("json", lambda: as_json([{"s": r} for r in ROWS]), "s."),
         ("json", lambda: as_json({"s": {"t": T.tolist(), "x": X.tolist()}}), "s."),
