@@ -172,8 +172,7 @@ static void name_coupling(esea_app_t *app, const mavlink_message_t *message)
     esea_send_life(app, coupling, esea_keep_coupling(app, coupling, mavlink_msg_esea_life_get_serial(message)));
 }
 
-/* Whether the host knew a time of this start that is not long past.  Nothing else keeps the link alive: a line may
- * hold back frames of a host that is gone. */
+/* Whether a time is of this start and not long past.  Only that keeps the link: a line may hold back old frames. */
 static bool in_time(esea_app_t *app, uint32_t boot, uint32_t time_ms)
 {
     const uint32_t past_ms = esea_now_ms(app) - time_ms; /* beyond half of the range: still to come */
