@@ -23,6 +23,7 @@ from esea_gen.emit.roles import every_tick
 from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_json, write_json
 from esea_gen.link.received import shown_lines
+from esea_gen.link.transport import LinkError
 from esea_gen.portability import TERMINALS
 from esea_gen.typed import read_number
 from esea_host.cli.app import app, out, told
@@ -46,15 +47,19 @@ SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
 
 
-def _until(seconds: float | None, step_s: float) -> Iterator[None]:
-    # Turns of a loop until the time is up, or Ctrl+C.
-    end_s = None if seconds is None else time.monotonic() + seconds
-    try:
-        while end_s is None or time.monotonic() < end_s:
+def _until(board: ConnectedDevice, seconds: float | None, step_s: float) -> Iterator[None]:
+    # Turns of a loop until the time is up, or Ctrl+C; a link still broken then is an error.
+    link, away = board.receiver, False
+    end_s = math.inf if seconds is None else time.monotonic() + seconds
+    with suppress(KeyboardInterrupt):
+        while time.monotonic() < end_s and link.error is None:
+            if link.away and not away:
+                told(f"The link to {_said(board)} is broken; trying again ...")
+            away = link.away
             yield
             time.sleep(step_s)
-    except KeyboardInterrupt:
-        return
+    if link.away:
+        raise link.error or LinkError(link.away_text(), "Values since then are missing.")
 
 
 def _said(device: ConnectedDevice) -> str:
@@ -90,7 +95,7 @@ def monitor(
 
 def _lines(board: ConnectedDevice, queue: Subscription, seconds: float | None) -> None:
     marks = {"simulated": True} if board.simulated else {}
-    for _ in _until(seconds, 0.0):
+    for _ in _until(board, seconds, 0.0):
         for batch in queue.take(0.1):
             for gap in batch.gaps:
                 print(json.dumps({"gap": asdict(gap)}))
@@ -112,7 +117,7 @@ def _screen(board: ConnectedDevice, queue: Subscription, seconds: float | None) 
         # Into a pipe or a file it writes nothing before its end.
         terminal = sys.stdout.isatty()
         live = held.enter_context(Live(console=out, refresh_per_second=5)) if terminal else None
-        for _ in _until(seconds, SCREEN_S):
+        for _ in _until(board, seconds, SCREEN_S):
             for batch in queue.take(0.0):
                 last[batch.layout.name] = batch.rows[-1]
                 rows += len(batch.rows)
@@ -169,16 +174,14 @@ def record(
         with board.record(path, stream, compress) as recording:
             if note:
                 recording.note(note)
-            told_s, away = time.monotonic(), False
-            for _ in _until(seconds, 0.1):
-                if recording.error is not None:
-                    break
-                if board.receiver.away and not away:
-                    told(f"The link to {address} is broken; trying again ...")
-                away = board.receiver.away
-                if time.monotonic() - told_s > 5:
-                    told_s = time.monotonic()
-                    out.print(f"{recording.rows} runs, {recording.gaps} gaps")
+            told_s = time.monotonic()
+            with suppress(LinkError, UserError):  # reported below
+                for _ in _until(board, seconds, 0.1):
+                    if recording.error is not None:
+                        break
+                    if time.monotonic() - told_s > 5:
+                        told_s = time.monotonic()
+                        out.print(f"{recording.rows} runs, {recording.gaps} gaps")
             if recording.error is None and not board.receiver.away:
                 recording.event("board_clock", **board.clock())
         health = board.health()
@@ -225,7 +228,7 @@ def bridge(
             out.print(outlet.said)
         rows = gaps = 0
         try:
-            for _ in _until(seconds, 0.0):
+            for _ in _until(board, seconds, 0.0):
                 for batch in queue.take(0.1):
                     rows, gaps = rows + len(batch.rows), gaps + len(batch.gaps)
                     for outlet in outlets:
@@ -233,7 +236,7 @@ def bridge(
         finally:
             for outlet in outlets:
                 outlet.close()
-        out.print(f"{rows} runs handed on, {gaps} gaps, {queue.dropped_rows} dropped")
+            out.print(f"{rows} runs handed on, {gaps} gaps, {queue.dropped_rows} dropped")
 
 
 @app.command()
@@ -254,9 +257,8 @@ def serve(
         feed = LiveFeed(board)
         held.callback(feed.close)
         out.print(held.enter_context(browser_view(feed, listen, port)))
-        for _ in _until(seconds, 0.2):
-            if board.receiver.error is not None:
-                raise board.receiver.error
+        for _ in _until(board, seconds, 0.2):
+            pass
 
 
 @app.command()

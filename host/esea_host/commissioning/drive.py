@@ -230,8 +230,6 @@ def _correction(device: Device, c: Capture, side: str, at: Array, error: Array) 
     order = np.argsort(theta)
     nodes = np.arange(TABLE) * turn / TABLE
     known = np.isfinite(error)
-    if not known.any():
-        return [0.0] * TABLE
     raws = np.interp(at[known], theta[order], raw[order])
     wanted = -sign * error[known]
     rising = np.argsort(raws)
