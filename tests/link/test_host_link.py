@@ -392,7 +392,7 @@ def test_a_cable_pulled_out_and_put_back_is_one_gap_and_the_recording_goes_on(
     assert json.dumps(dataclasses.asdict(log.gaps[0]))
 
 
-def test_a_board_that_does_not_come_back_ends_with_the_reason(server, tmp_path, monkeypatch):
+def test_a_board_that_does_not_come_back_ends_with_the_reason(server, monkeypatch, capsys):
     monkeypatch.setattr("esea_host.connection.device.MOST_AWAY_S", 0.5)
     proxy = Proxy(server)
     with esea_host.connect(proxy.address) as device:
@@ -403,6 +403,20 @@ def test_a_board_that_does_not_come_back_ends_with_the_reason(server, tmp_path, 
         with pytest.raises(LinkError, match="did not come back"):
             for _ in samples:
                 pass
+    proxy = Proxy(server)
+
+    def pull() -> None:
+        until(lambda: "sense_out" in capsys.readouterr().out)
+        proxy.close()
+        proxy.pull()
+
+    threading.Thread(target=pull, daemon=True).start()
+    monkeypatch.setattr("sys.argv", ["esea-host", "monitor", proxy.address, "--jsonl"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search("The link to .* is broken; trying again .*did not come back", said)
 
 
 def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(

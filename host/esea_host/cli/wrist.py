@@ -125,13 +125,13 @@ def virtual(
     trusted(trust)
     given = {"--method": method != "rbf", "--compare": compare, "--sensitivity": sensitivity}
     if study == "wrist":
-        given = {}
+        given["--method"] &= compare or sensitivity
+        given["--sensitivity"] &= compare
+        given |= {"--compare": False, "--report": compare and report is not None}
     elif study != "interaction":
         given |= {"--json": to_json is not None, "--report": report is not None}
-    if idle := [name for name, is_given in given.items() if is_given]:
-        raise UserError(
-            f"study virtual {study}: {', '.join(idle)} would do nothing.", "Leave it out."
-        )
+    if idle := ", ".join(name for name, is_given in given.items() if is_given):
+        raise UserError(f"study virtual {study}: {idle} would do nothing.", "Leave it out.")
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
         asked = VirtualRun(folder, participants, seed, jobs, cluster, to_json, report)
