@@ -110,7 +110,8 @@ def demo(
     controller: ControllerOption = None,
     headless: Annotated[bool, option("--headless", "Without a window.")] = False,
     seconds: Annotated[
-        float | None, option("--seconds", "Of torque control; default: 10, or until it is closed.")
+        float | None,
+        option("--seconds", "Of torque control; default: 10, or no end.", min=1.0, max=3600.0),
     ] = None,
     report: Annotated[
         Path | None, output_file("--report", "With --headless: page to draw; default: demo.png.")
