@@ -284,9 +284,8 @@ class Messenger:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 now = self.counters
-                raise self._too_late(
-                    name, limit_s, now.frames - frames, now.noise_bytes - noise_bytes
-                )
+                came = now.frames - frames, now.noise_bytes - noise_bytes
+                raise self._too_late(name, limit_s, *came)
             self._read(left_s)
         return message
 

@@ -72,14 +72,15 @@ class KneeBoard:
         names = {c.name for x in device.receiver.decoder.layouts.values() for c in x.columns}
         missing = [c for c in COLUMNS if c not in names]
         most_Nm, pull_Nm = made.file.limits.tau_Nm.value, PULL_N * shank_length_m(MEAN_HEIGHT_M)
-        weak = f"measures up to {most_Nm:g} Nm, hands at a leg pull {pull_Nm:.0f} Nm"
-        why = weak if most_Nm < pull_Nm else ""
-        why = f"does not tell {', '.join(missing)}" if missing else why
-        if why := "has a motor" if made.laws else why:
-            raise UserError(
-                f"{made.name} {why}: the knee is assessed on a passive board.",
-                "Connect one with the image of knee_board, or take sim:knee.",
-            )
+        why = f"measures up to {most_Nm:g} Nm, hands at a leg pull {pull_Nm:.0f} Nm"
+        if made.laws:
+            why = "has a motor"
+        elif missing:
+            why = f"does not tell {', '.join(missing)}"
+        elif most_Nm >= pull_Nm:
+            return
+        what = f"{made.name} {why}: the knee is assessed on a passive board."
+        raise UserError(what, "Connect one with the image of knee_board, or take sim:knee.")
 
     @property
     def simulated(self) -> bool:

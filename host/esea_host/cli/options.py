@@ -63,10 +63,3 @@ SHIPPED_TASKS = ("esea_host.assess.tasks", "esea_host.interaction", "esea_host.w
 def know_shipped_tasks() -> None:
     for room in SHIPPED_TASKS:
         import_module(room)
-
-
-def of_file(error: Exception, path: Path | None) -> Exception:
-    """An error of a recording, with the name of its file: a full disk does not tell it."""
-    if isinstance(error, OSError) and error.filename is None:
-        error.filename = str(path)
-    return error

@@ -27,7 +27,6 @@ from esea_host.cli.options import (
     PortOption,
     RecordOption,
     ScreenshotOption,
-    of_file,
     output_file,
 )
 from esea_host.connection import ConnectedDevice, hands_at, open_device
@@ -47,8 +46,10 @@ def _recording(board: ConnectedDevice, record: Path | None) -> Iterator[LiveReco
     with board.record(record) as recording:
         yield recording
     out.print(f"{record}: {recording.rows} runs, {recording.gaps} gaps")
-    if recording.error is not None:
-        raise of_file(recording.error, record)
+    if (error := recording.error) is not None:
+        if isinstance(error, OSError):  # a full disk does not tell it
+            error.filename = error.filename or str(record)
+        raise error
 
 
 @app.command()
