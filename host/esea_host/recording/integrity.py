@@ -127,7 +127,7 @@ class GapError(UserError):
     """A figure was asked for over a stretch with a hole in it."""
 
     def __init__(self, what: str, gaps: tuple[Gap, ...]) -> None:
-        super().__init__(what, "Take a stretch between the gaps: Table.pieces() lists them.")
+        super().__init__(what, "Export it and cut it there; in Python, Table.pieces() cuts it.")
         self.gaps = gaps
 
 

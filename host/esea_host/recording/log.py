@@ -134,8 +134,8 @@ class Table:
             raise GapError(f"{what} from {start_s:g} to {end_s:g} s: {holes[0]}.", tuple(holes))
         part = self.tick[first:last].astype(np.int64)
         if len(part) > 2 and np.ptp(np.diff(part)) != 0:
-            what = f"From {start_s:g} to {end_s:g} s the ticks of {self.layout.name} are uneven."
-            raise GapError(what, ())
+            what = "is uneven" if np.diff(part).min() > 0 else "starts again, as after a reset"
+            raise GapError(f"From {start_s:g} to {end_s:g} s the board's clock {what}.", ())
         return self._cut(int(first), int(last))
 
     def pieces(self) -> Iterator[Table]:
