@@ -155,7 +155,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 
 @analyse.command()
 def power(
-    people: Annotated[int, option("--people", "People with both conditions.")] = 10,
+    people: Annotated[int, option("--people", "With both conditions.", min=2, max=2000)] = 10,
     tests: Annotated[int, option("--tests", "Comparisons of the family.", min=1)] = 1,
     sd: Annotated[
         float, option("--sd", "Standard deviation of the differences, in their unit.")
