@@ -39,21 +39,26 @@ BY_NAME = {s.name: s for s in STEPS}
 OPTIONS = StepOptions(KnownLoad(1.0, 0.2), 2.0, 1.0, 2)
 
 
-class WrongDrive(SteppedTwin):
-    """True over commanded torque may be another than 1, and encoders count the other way."""
+SWAPPED = {"count_motor": "count_load", "count_load": "count_motor"}
 
-    def __init__(self, variant, motor_gain=1.0, reversed_encoders=()):
+
+class WrongDrive(SteppedTwin):
+    """Another torque than commanded; encoders that count the other way, are swapped or stand."""
+
+    def __init__(self, variant, motor_gain=1.0, reversed_encoders=(), read_as=()):
         super().__init__(variant)
         self.gain = motor_gain
         full = {p.name: round(p.high) + 1 for p in self.system.blocks["encoders"].outputs}
         self.turned = {n: full[n] for n in (f"count_{side}" for side in reversed_encoders)}
+        self.read_as = dict(read_as)
 
     def step(self, u_Nm):
         return super().step([self.gain * u for u in u_Nm])
 
     def _read(self):
-        turned = self.turned
-        return {n: -x % turned[n] if n in turned else x for n, x in super()._read().items()}
+        turned, told = self.turned, super()._read()
+        told |= {n: told.get(other, 1000) for n, other in self.read_as.items()}
+        return {n: -x % turned[n] if n in turned else x for n, x in told.items()}
 
 
 @pytest.fixture
@@ -146,13 +151,18 @@ def test_results_count_for_their_own_board_only(bench_of, tmp_path):
         ({"reversed_encoders": {"gear"}}, "encoders", "motor's own encoder counts the other way"),
         ({"reversed_encoders": {"motor"}}, "encoders", "motor-side encoder counts the other way"),
         ({"reversed_encoders": {"load"}}, "encoders", "load-side encoder counts the other way"),
+        ({"reversed_encoders": {"motor", "load"}}, "encoders", "Both joint encoders count the"),
+        ({"reversed_encoders": {"motor", "load", "gear"}}, "encoders", "All count down"),
+        ({"read_as": SWAPPED}, "sign", "two encoders are swapped"),
+        ({"read_as": {"count_load": ""}}, "encoders", "Look at its magnet and its cable"),
+        ({"motor_gain": 0.0}, "sign", "is the drive enabled"),
     ],
 )
 def test_what_is_turned_round_is_named_with_what_to_swap(bench_of, wrong, step, words, monkeypatch):
     monkeypatch.setattr("esea_host.commissioning.steps.TURN_RAD_S", 2.0)
     result = quick(step, bench_of(**wrong))
     assert not result.passed
-    assert words in result.problem[1]
+    assert words in result.problem[1], result.problem
 
 
 def test_an_encoder_off_twice_a_turn_is_found_and_its_correction_takes_it_away(bench_of):

@@ -50,6 +50,12 @@ class JudgedEncoders:
     limit_rad: float = ERROR_RAD
 
 
+def _moved(*angles: Array) -> list[float]:
+    # Until the one that went furthest was there: another may stand still.
+    far = int(np.argmax(np.max([np.abs(x - x[0]) for x in angles], axis=0)))
+    return [float(x[far] - x[0]) for x in angles]
+
+
 def _direction(gear: float, motor: float, load: float) -> tuple[str, str] | None:
     seen = (
         f"while the joint was turned the motor's encoder moved by {gear:+.3f} rad at the joint, "
@@ -136,8 +142,7 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
 
     The load side's error cannot be told from the rubber's deflection; the known mass shows it.
     """
-    far = int(np.argmax(np.abs(r.load_rad - r.load_rad[0])))
-    moved = [float(x[far] - x[0]) for x in (r.gear_rad, r.motor_rad, r.load_rad)]
+    moved = _moved(r.gear_rad, r.motor_rad, r.load_rad)
     names = "motor_encoder_rad", "motor_side_rad", "load_side_rad"
     found: dict[str, Any] = {f"moved_{n}": v for n, v in zip(names, moved, strict=True)}
     problem = _direction(*moved)
@@ -173,10 +178,7 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
 
 def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
     """Direction of both encoders of a joint without a motor, and each against the other."""
-    moved = [
-        float(x[np.argmax(np.abs(r.load_rad - r.load_rad[0]))] - x[0])
-        for x in (r.motor_rad, r.load_rad)
-    ]
+    moved = _moved(r.motor_rad, r.load_rad)
     found: dict[str, Any] = dict(zip(("moved_motor_rad", "moved_load_rad"), moved, strict=True))
     seen = (
         f"while both sides were turned together the motor side's encoder moved by {moved[0]:+.3f} "
@@ -273,6 +275,11 @@ def motor_sign(
         if share < 0:
             return told, AGAINST
         return told, "It hardly moved: is the drive enabled, and does no brake hold the shaft?"
+    # Swapped encoders wind the coupling up until a limit acts: it may have ended before.
+    turned, sensed, stood = map(np.ptp, (r.gear_rad, r.load_rad, r.motor_rad))
+    if sensed > FOLLOWS * turned and stood < STANDS * turned:
+        told = f"the load side's encoder moved by {sensed:.4f} rad, the motor side's by {stood:.4f}"
+        return told, "The joint's two encoders are swapped: exchange their connectors."
     held = [np.flatnonzero(wanted_Nm * s > 0.98 * most_Nm) for s in (1, -1)]
     if not all(len(h) > 10 for h in held):
         return "It ended before both directions were held.", AGAIN
@@ -288,8 +295,6 @@ def motor_sign(
         f"{gear:+.4f} rad at the joint, the motor side's by {motor:+.4f} rad, the load side's by "
         f"{load:+.4f} rad"
     )
-    if abs(load) > FOLLOWS * scale and abs(motor) < STANDS * scale:
-        return seen, "The joint's two encoders are swapped: exchange their connectors."
     if abs(load) > STANDS * scale:
         return seen, "The output moved: clamp it."
     if abs(motor) < FOLLOWS * scale:

@@ -243,7 +243,7 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
     work_J, turned_J = commanded_work(bench.board, r)
     found = {"command_work_J": work_J, "work_either_way_J": turned_J, "fault": fault}
     problem = motor_sign(r, c["tau_desired_Nm"], most_Nm, work_J, turned_J)
-    if problem is None and fault:
+    if fault and (problem is None or problem[1] == AGAIN):
         said = f"The board switched itself off: {bench.fault_name(fault)}."
         problem = said, "Remove its cause, then acknowledge it: esea-host view, Ctrl+L."
     checks: tuple[StartupCheck, ...] = ()
