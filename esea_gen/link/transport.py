@@ -30,7 +30,9 @@ class LinkError(RuntimeError):
 
 
 def _why(error: Exception) -> str:
-    # In words, without the number of the error.
+    # In words, without the number of the error; TypeError: of what another thread has closed.
+    if isinstance(error, TypeError):
+        return "closed meanwhile"
     return str(getattr(error, "strerror", None) or error)
 
 
@@ -127,8 +129,9 @@ class SerialTransport(Transport):
     def write(self, data: bytes, timeout_s: float) -> None:
         try:
             self._port.write_timeout = timeout_s
-            self._port.write(data)
-        except (OSError, TypeError) as error:  # TypeError: closed by another thread
+            if self._port.write(data) != len(data):  # it ends early, or raises, where it was closed
+                raise OSError(errno.EBADF, "closed meanwhile")
+        except (OSError, TypeError, ValueError) as error:
             raise LinkError(f"the board does not take data ({_why(error)})") from None
 
     def close(self) -> None:

@@ -65,17 +65,20 @@ class _Guests:
     def __init__(self, drive: SimulatedBoard, listener: socket.socket) -> None:
         self._drive, self._listener = drive, listener
         self._here: dict[int, tuple[_Socket, float, int]] = {}
+        # Came after the host had gone: the next host.
+        self.next: tuple[socket.socket, tuple[str, int]] | None = None
 
     def attend(self, host: _Socket, commander: str) -> None:
         for _ in range(self._drive.board.guests):
-            if host.leaves():
-                break
             try:
                 self._listener.setblocking(False)
-                line = _Socket(self._listener.accept()[0])
+                came = None if self.next or host.leaves() else self._listener.accept()
             except OSError:
                 break
-            self._admit(line, commander)
+            if came is None or host.leaves():
+                self.next = self.next or came
+                break
+            self._admit(_Socket(came[0]), commander)
         for place in list(self._here):
             self._hear(place)
 
@@ -242,7 +245,8 @@ def serve_hosts(
     while True:
         try:
             listener.settimeout(0.01)
-            link, (host, port) = listener.accept()
+            came, guests.next = guests.next or listener.accept(), None
+            link, (host, port) = came
         except OSError as error:
             if not isinstance(error, TimeoutError):
                 return  # the listener was closed
