@@ -19,6 +19,7 @@ from esea_gen.device import Device
 from esea_gen.emit.build import render_device
 from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.formats import FORMATS
+from esea_gen.emit.roles import sensing_tasks
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.hostlib.compiler import (
@@ -159,9 +160,8 @@ def build_firmware(
         bounds: dict[str, int] = {}
         if bare:
             graph = CallGraph.read(sorted(folder.rglob("*.ci")))
-            fast = [entry for t, entry in entries.items() if t.every == 1]
-            slow = [entry for t, entry in entries.items() if t.every > 1]
-            bounds = stack_by_priority(graph, fast, slow, chosen.processor.fpu)
+            fast = [entries.pop(t) for t in sensing_tasks(device.system)]
+            bounds = stack_by_priority(graph, fast, [*entries.values()], chosen.processor.fpu)
         stack_bytes = sections.get(".stack", 0)
         if bare and sum(bounds.values()) > stack_bytes:
             raise UserError(

@@ -15,7 +15,7 @@ from esea_gen.board.blackbox import BlackboxRecord, read_record, record_bytes
 from esea_gen.board.firmware import build_firmware
 from esea_gen.device import Device
 from esea_gen.emit.dialect import load_dialect
-from esea_gen.emit.roles import board_roles, every_tick
+from esea_gen.emit.roles import board_roles, sensing_tasks
 from esea_gen.emit.states import EVENTS, GUARDS, STATES
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError, Transport
@@ -91,7 +91,7 @@ class SimBoard(Session):
         self._encoders = [k for k, n in enumerate(self.inputs) if n.startswith("count_")]
         system, size = device.system, 0
         self.places: dict[str, int] = {}
-        for task in every_tick(system):
+        for task in sensing_tasks(system):
             for x in (*system.task_inputs(task), *system.task_outputs(task)):
                 self.places[x.name] = size
                 size += x.port.size

@@ -72,8 +72,9 @@ class BoardRoles:
         return tuple(x.name for x in self.wanted)
 
 
-def every_tick(system: System) -> tuple[Task, ...]:
-    return tuple(t for t in system.tasks if t.every == 1)
+def sensing_tasks(system: System) -> tuple[Task, ...]:
+    """Tasks that measure, every tick; control may run as often."""
+    return tuple(t for t in system.tasks if not t.name.startswith("control"))
 
 
 def board_roles(system: System) -> BoardRoles:
@@ -89,11 +90,11 @@ def board_roles(system: System) -> BoardRoles:
         if (x.name.startswith(("count_", "frame_error_", "motor_")) if drive else x.name != "stop")
     ]
     return BoardRoles(
-        tuple(_axis(system, t) for t in every_tick(system)) if drive else (),
+        tuple(_axis(system, t) for t in sensing_tasks(system)) if drive else (),
         tuple(measured),
         tuple(x for x in inputs.values() if x not in measured),
-        tuple(e for t in every_tick(system) for e in _encoders(system, t)),
-        tuple(c for t in every_tick(system) for c in _couplings(system, t))[:MOST_COUPLINGS],
+        tuple(e for t in sensing_tasks(system) for e in _encoders(system, t)),
+        tuple(c for t in sensing_tasks(system) for c in _couplings(system, t))[:MOST_COUPLINGS],
     )
 
 

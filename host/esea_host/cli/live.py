@@ -19,7 +19,7 @@ from rich.table import Table as Grid
 
 from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
-from esea_gen.emit.roles import every_tick
+from esea_gen.emit.roles import sensing_tasks
 from esea_gen.errors import UserError, from_extra, paragraphs
 from esea_gen.files import plain, read_json, write_json
 from esea_gen.link.received import shown_lines
@@ -84,7 +84,7 @@ def monitor(
 ) -> None:
     """Print a board's values, in the terminal or line by line."""
     with open_device(address, device, key) as board:
-        chosen = stream or [f"{t.name}_out" for t in every_tick(board.identity.device.system)]
+        chosen = stream or [f"{t.name}_out" for t in sensing_tasks(board.identity.device.system)]
         board.listen(chosen, rate)
         queue = board.subscribe(chosen)
         if jsonl:
