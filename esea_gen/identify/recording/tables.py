@@ -140,7 +140,7 @@ class Temperature(_Table):
 class Sampling(_Table):
     """Time: a column, or a nominal period."""
 
-    time_column: str | None = Field(default=None, description="Column or variable of time.")
+    time_column: str | None = Field(default=None, min_length=1, description="Column of time.")
     time_unit: str = Field(default="s", description="Unit of that column.")
     period_s: Quantity | None = _limits(
         1e-6, 100, "Sampling period, where there is no time column.", default=None
