@@ -115,9 +115,13 @@ def test_import_counts_what_it_leaves_out_and_a_second_try_is_possible(run, tmp_
         run(words, "t,x,n\n0,1\n1,2\n", "fields = 3\n" + MAPPING)
     with pytest.raises(UserError, match=r"line 3, column 'x': 'n/a'.*Or set fields"):
         run(words, "t,x\n0,1\n1,n/a\n", MAPPING)
-    far = MAPPING.replace("period_s", "scale = 1e9\nperiod_s")
-    with pytest.raises(UserError, match=r"line 3, column 't': 1 is more than a year"):
-        run(words, "t,x\n0,1\n1,2\n", far)
+    for scale, what in (
+        (1e9, r"line 3, column 't': 1 is more than a year"),
+        (1e-3, "0.001 s apart"),
+    ):
+        wrong = MAPPING.replace("period_s", f"scale = {scale}\nperiod_s")
+        with pytest.raises(UserError, match=what):
+            run(words, "t,x\n0,1\n1,2\n", wrong)
 
 
 def reach(t):

@@ -21,7 +21,7 @@ from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 
-_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+_STRICT = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 ROW = "sequence"
 EVENTS = ("import", "gap", "note", "clock")  # other topics of a recording
 MOST_NS = 366 * 86400 * 10**9
@@ -90,6 +90,10 @@ def read_mapping(path: Path) -> ForeignMapping:
     text = read_text(path, "docs/tables.md has a mapping file.")
     document = parse_toml(text, path.name, "docs/tables.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
+    if nothing := [c.name for c in mapping.columns if c.scale == 0]:
+        raise UserError(
+            f"{path.name}: scale of {nothing[0]} is 0: no value is left.", "Correct it."
+        )
     names = [ROW, *(c.name for c in mapping.columns)]
     twice = [n for n in names if names.count(n) > 1]
     if twice:
@@ -201,6 +205,13 @@ def _times(mapping: ForeignMapping, table: FileTable, report: ImportReport) -> A
         )
     ns = ns.astype(np.int64)
     steps = np.diff(ns)
+    usual_s = float(np.median(np.abs(steps))) * 1e-9 if len(steps) else time.period_s
+    if not 0.1 < usual_s / time.period_s < 20:  # beyond rows that are lost
+        raise UserError(
+            f"{table.name}: most rows are {usual_s:g} s apart, the mapping's time.period_s is "
+            f"{time.period_s:g} s.",
+            "Correct time.scale (seconds of the column's unit: 0.001 for ms) or time.period_s.",
+        )
     for at in np.flatnonzero(steps < 0).tolist():
         report.backward_s.append(round(float(-steps[at]) * 1e-9, 6))
     # Behind a new start time goes on, one period later: how long it stood nobody knows.
