@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+import reprlib
 import tomllib
 import types
 import typing
@@ -152,6 +153,7 @@ def judged(
 
 def _problems(error: ValidationError, kind: Any) -> list[Problem]:
     found: list[Problem] = []
+    places = {e["loc"] for e in error.errors()}
     # A misspelt key shows as one unknown and one missing key: the unknown one tells of both.
     for e in sorted(error.errors(), key=lambda e: e["type"] not in UNKNOWN):
         loc, word = e["loc"], "extra_forbidden" if e["type"] in UNKNOWN else e["type"]
@@ -160,11 +162,15 @@ def _problems(error: ValidationError, kind: Any) -> list[Problem]:
         ]
         if word in MISSING and nearest(str(loc[-1]), beside):
             continue
+        # A list that has too few items since one of them is wrong: that one is told.
+        if word == "too_short" and any(p != loc and p[: len(loc)] == loc for p in places):
+            continue
         within = _type_at(kind, loc[:-1])
         keys = _keys(within)
         wanted, text = keys.get(str(loc[-1]), (None, "")) if loc else (kind, "")
         reason = e["msg"].removeprefix("Value error, ")
-        reason = reason[0].lower() + reason[1:]
+        reason = (reason[0].lower() + reason[1:]).replace("input should", "it must")
+        reason = reason.replace("be an object", "be a table").replace("tuple should", "it must")
         found.append(Problem(word, loc, e.get("input"), tuple(keys), within, wanted, text, reason))
     return found
 
@@ -172,18 +178,16 @@ def _problems(error: ValidationError, kind: Any) -> list[Problem]:
 def _explained(problem: Problem, said: str | UserError | None) -> UserError:
     if isinstance(said, UserError):
         return said
-    key, known = problem.key, problem.known
+    key, known, given = problem.key, problem.known, reprlib.repr(problem.given)
+    about = f" ({problem.text.rstrip('.')})" if problem.text else ""
     if problem.kind == "extra_forbidden":
         return UserError(
-            f"unknown key {key} = {problem.given!r}.",
+            f"unknown key {key} = {given}.",
             f"{nearest(str(problem.loc[-1]), known)}Known keys here: {', '.join(known)}.",
         )
     if problem.kind in MISSING:
-        about = f" ({problem.text.rstrip('.')})" if problem.text else ""
         return UserError(f"key {key} is missing{about}.", said or "Add it.")
-    return UserError(
-        f"{key} = {problem.given!r}: {problem.reason}.", said or problem.text or "Correct it."
-    )
+    return UserError(f"{key} = {given}: {problem.reason}{about}.", said or "Correct it.")
 
 
 UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")

@@ -393,7 +393,7 @@ def test_correction_takes_out_a_parts_nonlinearity():
         (row([0, 0, 0, 0]).split("\n")[0], "without correction_orientation_rad"),
         (f"correction_orientation_rad = {q(0)}", "without correction_rad"),
         ("correction_rad = [0, 0, 0, 0]", "A row of numbers is written { values ="),
-        (row([0, 0, 0, 0]).replace("[0.0, ", '["0", '), "should be a valid number"),
+        (row([0, 0, 0, 0]).replace("[0.0, ", '["0", '), "must be a valid number"),
         (row([0, 0, 0, 0]).replace("[0.0, ", "[nan, "), "finite number"),
         (row([0, 0, 0, 0]).replace('"a test" }\n', '"*/" }\n'), "end or break a comment"),
     ],

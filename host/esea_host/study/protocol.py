@@ -260,7 +260,8 @@ def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> 
             _condition(protocol, condition, protocol.line(*loc, "condition"))
         for row in rows:
             given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
-            _check_parameters(protocol, line_of(protocol.text, (*loc, "name")), block, task, given)
+            at = line_of(protocol.text, (*loc, "name"))
+            _check_parameters(protocol, at, block, task, given, condition)
     return set(task.Parameters.model_fields)
 
 
@@ -274,7 +275,12 @@ def _condition(protocol: Protocol, name: str, where: str) -> None:
 
 
 def _check_parameters(
-    protocol: Protocol, first: int, block: TrialBlock, task: StudyTask, given: Mapping[str, Any]
+    protocol: Protocol,
+    first: int,
+    block: TrialBlock,
+    task: StudyTask,
+    given: Mapping[str, Any],
+    condition: str,
 ) -> None:
     wrong: list[Problem] = []
 
@@ -286,14 +292,13 @@ def _check_parameters(
     try:
         checked(task.Parameters, given, where, noted)
     except UserError as error:
-        line = _next_line(protocol.text, first, wrong[0])
+        loc = ("conditions", condition, "parameters", *wrong[0].loc)
+        line = _next_line(protocol.text, first, wrong[0]) or line_of(protocol.text, loc) or first
         raise UserError(f"{protocol.origin}, line {line}: {error.what}", error.fix) from None
 
 
 def _next_line(text: str, start: int, problem: Problem) -> int:
-    # Where a parameter is given, in a row of an inline table too; else the block.
+    # Where block or row gives a parameter, in an inline table too; 0: the condition gives it.
     key = re.compile(rf"\b{re.escape(str(problem.loc[0]))}\s*=") if problem.loc else None
-    for k, line in enumerate(text.splitlines(), 1):
-        if k >= start and key and key.search(line):
-            return k
-    return start
+    lines = enumerate(text.splitlines(), 1)
+    return next((k for k, line in lines if k >= start and key and key.search(line)), 0)
