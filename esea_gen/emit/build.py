@@ -7,6 +7,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -109,7 +110,7 @@ def manifest(
 def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
     """Write output folders, each completely or not at all."""
     for bundle in bundles:
-        _refuse_foreign(out / bundle.folder)
+        _refuse_foreign(bundle, out / bundle.folder)
     written = []
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -138,17 +139,23 @@ def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
     return written
 
 
-def _refuse_foreign(folder: Path) -> None:
-    if not folder.exists():
-        return
-    if not folder.is_dir():
+def _refuse_foreign(bundle: Bundle, folder: Path) -> None:
+    # Only what was written here, by the manifest, is replaced.
+    if folder.exists() and not folder.is_dir():
         raise UserError(f"{folder} is a file.", "Give another --out folder.")
-    content = [p.name for p in folder.iterdir()]
-    if content and MANIFEST not in content:
+    known = {MANIFEST, *bundle.files}
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        known |= set(json.loads((folder / MANIFEST).read_bytes())["files"])
+    if foreign := sorted(_present(folder) - known):
         raise UserError(
-            f"{folder} holds files that esea-gen did not write ({content[0]}, ...).",
-            "Give another --out folder, or empty this one.",
+            f"{folder} has files that esea-gen did not write ({', '.join(foreign[:3])}).",
+            "Move them away, or give another --out folder.",
         )
+
+
+def _present(folder: Path) -> set[str]:
+    found = (p for p in folder.rglob("*") if p.is_file() and "__pycache__" not in p.parts)
+    return {p.relative_to(folder).as_posix() for p in found}
 
 
 def differences(bundles: list[Bundle], out: Path) -> list[str]:
@@ -156,25 +163,24 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
     found = []
     for bundle in bundles:
         folder = out / bundle.folder
-        present = {
-            p.relative_to(folder).as_posix()
-            for p in folder.rglob("*")
-            if p.is_file() and "__pycache__" not in p.parts
-        }
+        present = _present(folder)
         # A folder of which only the manifest is kept is compared by the hashes in it.
         made = {MANIFEST} if present == {MANIFEST} else set(bundle.files)
         for name in sorted(present | made):
-            old = (folder / name).read_text(encoding="utf-8") if name in present else ""
-            new = bundle.files.get(name, "")
-            if old != new or (name in present) != (name in bundle.files):
-                label = f"{bundle.folder}/{name}"
+            label, new = f"{bundle.folder}/{name}", bundle.files.get(name)
+            old = None
+            if name in present:  # a program that somebody compiled there, too
+                old = (folder / name).read_text(encoding="utf-8", errors="replace")
+            if new is None:
+                found.append(f"{label}: not generated")
+            elif old != new:
                 diff = difflib.unified_diff(
-                    old.splitlines(),
+                    (old or "").splitlines(),
                     new.splitlines(),
-                    f"{label} (on disk)" if name in present else "(missing)",
-                    f"{label} (as generated now)" if name in bundle.files else "(not generated)",
+                    "(missing)" if old is None else f"{label} (on disk)",
+                    f"{label} (as generated now)",
                     lineterm="",
                     n=2,
                 )
-                found.append("\n".join(diff) or f"{label}: empty file missing or left over")
+                found.append("\n".join(diff) or f"{label}: missing")
     return found

@@ -196,7 +196,7 @@ def test_stale_missing_and_left_over_files_are_seen(elbow, tmp_path):
     assert "-#define ESEA_ELBOW_TICK_US 1001u" in found
     assert "+#define ESEA_ELBOW_TICK_US 1000u" in found
     assert "(missing)" in found
-    assert "(not generated)" in found
+    assert "old.c: not generated" in found
 
 
 def test_a_folder_that_is_not_ours_is_left_alone(tmp_path):

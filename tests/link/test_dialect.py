@@ -229,9 +229,9 @@ def test_what_differs_is_shown_with_two_lines_around(tmp_path):
     assert differences([Bundle("f32", kept)], tmp_path) == [
         "--- f32/changed.c (on disk)\n+++ f32/changed.c (as generated now)\n@@ -8,5 +8,5 @@\n"
         " line 7\n line 8\n-what somebody wrote\n+line 9\n line 10\n line 11",
-        "f32/empty.c: empty file missing or left over",
+        "f32/empty.c: missing",
         "--- (missing)\n+++ f32/missing.c (as generated now)\n@@ -0,0 +1 @@\n+new",
-        "--- f32/old.c (on disk)\n+++ (not generated)\n@@ -1 +0,0 @@\n-left over",
+        "f32/old.c: not generated",
     ]
 
 
