@@ -108,7 +108,8 @@ def export_fmu(
     out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
     binaries = sorted(n.split("/")[1] for n in made.files if n.startswith("binaries/"))
     told = f"binaries: {', '.join(binaries)}; {path.stat().st_size / 1e3:.0f} kB"
-    out.lines([told, f"content {model.digest}", f"Next: esea-gen export check {path}"])
+    out.lines([told, f"content {model.digest}"])
+    out.next("export", "check", str(path))
 
 
 def _platforms(asked: str | None) -> Any:

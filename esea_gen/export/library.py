@@ -14,6 +14,7 @@ from esea_gen.emit.walker import UnsupportedOperationError
 from esea_gen.errors import UserError
 from esea_gen.export.fmu import model_header
 from esea_gen.export.model import controller_model
+from esea_gen.portability import command_line
 
 Text = Callable[[str], str]
 
@@ -41,7 +42,7 @@ FORMS = {
             "cmake",
             {"CMakeLists.txt": "CMakeLists.txt", "cmake/{p}Config.cmake.in": "config.cmake.in"},
             (
-                "Build, try, install: cmake -B build && cmake --build build && "
+                "Build, try, install: cmake -S {to} -B build && cmake --build build && "
                 "ctest --test-dir build && cmake --install build --prefix DIR",
                 "Use: find_package({p} CONFIG REQUIRED), target_link_libraries(app PRIVATE "
                 "esea::{name})",
@@ -74,7 +75,7 @@ FORMS = {
                 "samples/check/sample.yaml": "sample.yaml",
             },
             (
-                "Try: west build -b native_sim samples/check && west build -t run",
+                "Try: west build -b native_sim {to}/samples/check && west build -t run",
                 "Use: name the folder in ZEPHYR_EXTRA_MODULES, set CONFIG_{P}=y, include {p}.h",
             ),
             example="samples/check/src/",
@@ -151,7 +152,7 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
         files[f"{form.example}main.c"] = example
     for target, template in form.templates.items():
         files[target.format(p=renderer.prefix)] = rendered(template)
-    steps = "\n".join(f"- {s}" for s in _steps(form, renderer.prefix, device.name))
+    steps = "\n".join(f"- {s}" for s in _steps(form, renderer.prefix, device.name, "."))
     files["README.md"] = (
         f"# {renderer.prefix}\n\n{device.title}. Number format {real}, content {digest}, "
         f"MIT licence.\nWritten by `{command}`; do not edit.\n\n{steps}\n"
@@ -164,8 +165,8 @@ def _command(device: Device, form: LibraryForm) -> str:
     return build_command(device).replace("esea-gen build", f"esea-gen export {form.name}")
 
 
-def _steps(form: LibraryForm, prefix: str, name: str) -> tuple[str, ...]:
-    return tuple(s.format(p=prefix, P=prefix.upper(), name=name) for s in form.steps)
+def _steps(form: LibraryForm, prefix: str, name: str, to: str) -> tuple[str, ...]:
+    return tuple(s.format(p=prefix, P=prefix.upper(), name=name, to=to) for s in form.steps)
 
 
 def write_library(
@@ -176,4 +177,5 @@ def write_library(
     target = folder or Path(f"{bundle.folder}_{form.name}")
     whole = target.absolute()
     write_bundles([Bundle(whole.name, bundle.files)], whole.parent)
-    return WrittenLibrary(target, bundle.files, digest, _steps(form, bundle.folder, device.name))
+    steps = _steps(form, bundle.folder, device.name, command_line(str(target)))
+    return WrittenLibrary(target, bundle.files, digest, steps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -303,10 +304,18 @@ def run(
     if begun and not there:
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     if there and not begun:
+        from esea_host.study.session import read_session
+
+        done = not read_session(path).remaining
+        next_ = f"run {folder} {code} --session {session + 1}"
+        if not done or session == len(study.protocol.file.session):
+            next_ = f"resume {folder} {code} --session {session}"
         raise UserError(
-            f"{code} has begun session {session} already.",
-            f"Go on with: esea-host study resume {folder} {code} --session {session}.",
+            f"{code} has {'completed' if done else 'begun'} session {session} already.",
+            f"Continue: esea-host study {next_}",
         )
+    for change in study.changes():
+        warnings.warn(f"{change}. esea-host study audit reports it.", stacklevel=2)
     if not begun or _remains(path):
         former = _recorded(path) if begun else {}
         device = _device(study, device, former.get("device"), rehearsal)

@@ -157,18 +157,21 @@ class StudyFolder:
         """Kind and data of each entry of :meth:`trail`."""
         return [(e.kind, e.data) for e in self.trail(strict)]
 
+    def changes(self) -> list[str]:
+        """Protocol, tasks and texts that are not what the study was created with."""
+        begun = self.content_at_first()
+        now, since = self.content() if begun else {}, "since the study was created"
+        how = {n: "changed" if n in begun else "added" for n in now if now[n] != begun.get(n)}
+        how |= {n: "removed" for n in begun if n not in now}
+        return [f"{name}: {how[name]} {since}" for name in sorted(how)]
+
     def problems(self) -> list[str]:
         """Every break of a chain, each with file and line; sessions shorter than was recorded."""
         record = read_log(self.path / AUDIT)
         found = [f"{AUDIT}: {b}" for b in record.breaks]
         lacks = [(e.number, lack(e.kind, e.data)) for e in record.entries]
         found += [f"{AUDIT}: line {n + 1}: {words}" for n, words in lacks if words]
-        begun = self.content_at_first()
-        now = self.content() if begun else {}
-        for name in sorted({*now, *begun}):
-            if now.get(name) != begun.get(name):
-                change = "added" if name not in begun else "changed" if name in now else "removed"
-                found.append(f"{name}: {change} since the study was created")
+        found += self.changes()
         found += Allocations(self.path, self.protocol, self.trail(strict=False)).problems()
         gone = self._with("delete")
         for code, session, path in self.sessions(every=True):
