@@ -43,7 +43,8 @@ search: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "hypothesis and not slow" \
 		--hypothesis-profile=search --hypothesis-seed=$$seed $(TESTS) || { echo "To repeat: $$again"; exit 1; }
 
-docs: setup
+docs:
+	@sh .ci/setup "$(PYTHON)" docs
 	@$(BIN)/python docs/made_pages.py
 	@$(BIN)/zensical build --strict --clean
 	@echo "Open $(OUT)/site/index.html"

@@ -46,6 +46,7 @@ class SteadyHold(StudyTask):
     inputs: ClassVar = {"theta_deg": TaskSignal("theta_load_rad")}
     columns = (
         DataColumn("held", bool, "whether it was held long enough"),
+        DataColumn("place_deg", float, "where to hold"),
         DataColumn("after_s", float, "time until then, or until it was missed"),
     )
 
@@ -65,7 +66,7 @@ class SteadyHold(StudyTask):
         held = since_s is not None and time_s - since_s >= hold.hold_s
         outcome = None
         if held or time_s >= hold.longest_s:
-            outcome = TrialOutcome({"held": held, "after_s": time_s})
+            outcome = TrialOutcome({"held": held, "place_deg": hold.place_deg, "after_s": time_s})
         scene = Scene(
             (
                 Shape("ring", "target", hold.place_deg, 0.0, hold.within_deg),
