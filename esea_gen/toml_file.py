@@ -111,17 +111,12 @@ def line_of(text: str, loc: Sequence[str | int]) -> int:
 
 def together(problems: Iterable[Located], origin: str, text: str) -> None:
     """Raise all errors in a file as one message, each with the line of its key."""
-    said = []
-    for loc, problem in problems:
-        line = line_of(text, loc)
-        at = f", line {line}" if line else ""
-        said.append((line, at, problem))
+    placed = sorted(((line_of(text, loc), p) for loc, p in problems), key=lambda s: s[0])
+    said = [(f"{origin}, line {line}" if line else origin, p) for line, p in placed]
     if len(said) == 1:
-        _, at, problem = said[0]
-        raise UserError(f"{origin}{at}: {problem.what}", problem.fix)
+        raise UserError(f"{said[0][0]}: {said[0][1].what}", said[0][1].fix)
     if said:
-        said.sort(key=lambda s: s[0])
-        rows = [f"- {origin}{at}: {problem}" for _, at, problem in said]
+        rows = [f"- {at}: {problem}" for at, problem in said]
         more = [f"and {len(rows) - MOST} more."] if len(rows) > MOST else []
         raise UserError(f"{origin}: {len(rows)} problems.", "\n".join(["", *rows[:MOST], *more]))
 

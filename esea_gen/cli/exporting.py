@@ -106,9 +106,8 @@ def export_fmu(
     inputs, tunables, outputs = (len(model.of(r)) for r in ("input", "tunable", "output"))
     out.print(f"{path}: {model.title}; FMI {fmi}.0, {model.renderer.fmt.name}")
     out.print(f"{inputs} inputs, {tunables} tunables, {outputs} outputs; tick {model.tick_s:g} s")
-    binaries = sorted(n.split("/")[1] for n in made.files if n.startswith("binaries/"))
-    told = f"binaries: {', '.join(binaries)}; {path.stat().st_size / 1e3:.0f} kB"
-    out.lines([told, f"content {model.digest}"])
+    binaries = ", ".join(sorted(n.split("/")[1] for n in made.files if n.startswith("binaries/")))
+    out.print(f"binaries: {binaries}; {path.stat().st_size / 1e3:.0f} kB\ncontent {model.digest}")
     out.next("export", "check", str(path))
 
 

@@ -168,7 +168,7 @@ def read_file(name_or_path: str | Path) -> tuple[str, str]:
     shipped = shipped_devices()
     path = shipped.get(str(name_or_path), Path(name_or_path))
     if not path.is_file():
-        hint = nearest(str(name_or_path), shipped)
+        hint = nearest(str(name_or_path), [*shipped, *(p.name for p in Path().glob("*.toml"))])
         raise UserError(
             f"There is no device '{name_or_path}': it is neither a file nor a shipped device.",
             f"{hint}Shipped: {', '.join(sorted(shipped))}; or give the path of a TOML file.",

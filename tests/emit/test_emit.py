@@ -199,15 +199,6 @@ def test_stale_missing_and_left_over_files_are_seen(elbow, tmp_path):
     assert "old.c: not generated" in found
 
 
-def test_a_folder_that_is_not_ours_is_left_alone(tmp_path):
-    (tmp_path / "f32").mkdir()
-    (tmp_path / "f32" / "thesis.doc").write_text("precious")
-    with pytest.raises(UserError, match=r"thesis\.doc"):
-        write_bundles([Bundle("f32", {"a.c": "", MANIFEST: "{}"})], tmp_path)
-    assert (tmp_path / "f32" / "thesis.doc").read_text() == "precious"
-    assert [p.name for p in tmp_path.iterdir()] == ["f32"]
-
-
 def test_a_failed_write_leaves_the_old_folder(tmp_path):
     write_bundles([Bundle("f32", {"a.c": "old", MANIFEST: "{}"})], tmp_path)
     bad = Bundle("f32", {"a.c": "new", "a.c/b.c": "cannot be", MANIFEST: "{}"})

@@ -49,6 +49,8 @@ def protocol() -> Protocol:
         ('A = ["near", "narrow"]', 'A = ["near"]', ["1 conditions", "2 sessions"]),
         ('A = ["near", "narrow"]', 'A = ["near", "wide"]', ["wide"]),
         ("within_deg = 3.0", "within_dg = 3.0", ["within_dg", "within_deg"]),
+        ("within_deg = 1.5", "within_deg = 30", ["less than or equal to 20"]),
+        ("repeat = 2", "repeat = 0", ["trials[0].repeat"]),
         ('name = "steady-hold"', 'name = "Steady Hold"', ["name"]),
         ("seed = 7", "seed = 7\nseed = 8", ["not valid TOML"]),
     ],
@@ -62,6 +64,7 @@ def test_a_wrong_protocol_is_told_before_the_first_trial(old, new, words):
         words = [*words, f"line {number}"]
     for word in words:
         assert word in str(error.value)
+    assert "problems" not in str(error.value)
 
 
 # -- order -----------------------------------------------------------------------------------------

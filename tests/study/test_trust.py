@@ -110,6 +110,15 @@ def test_an_audit_runs_nothing_and_covers_protocol_and_tasks(place, study):
         assert text in said
 
 
+def test_a_session_of_a_changed_study_warns(study):
+    again = "run", study, "P01", "--headless", "--trust", read_code(study / "tasks/task.py").sha256
+    code, said = call(*again)
+    assert code == 1
+    assert f"Continue: esea-host study run {study} P01 --session 2" in said
+    with pytest.warns(UserWarning, match=r"tasks/task\.py: changed since"):
+        assert call(*again, "--session", "2")[0] == 0
+
+
 @pytest.mark.parametrize("named", ["{}/task.py", "../task.py", "link.py", "up/task.py", "loop.py"])
 def test_a_protocol_names_files_of_its_own_folder_only(place, named):
     inner = place / "inner"

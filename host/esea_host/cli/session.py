@@ -293,6 +293,8 @@ def run(
     operator: OperatorOption = "",
 ) -> None:
     """Run a session: the participant's window and the operator's; Space, Escape or F12 stops."""
+    from esea_host.study.session import read_session
+
     study = opened(folder, trust, operator=operator)
     study.protocol.words(language)  # refused before anything is written
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
@@ -304,8 +306,6 @@ def run(
     if begun and not there:
         raise UserError(f"{code} has not begun session {session}.", "Begin it with study run.")
     if there and not begun:
-        from esea_host.study.session import read_session
-
         done = not read_session(path).remaining
         next_ = f"run {folder} {code} --session {session + 1}"
         if not done or session == len(study.protocol.file.session):
@@ -317,7 +317,7 @@ def run(
     for change in study.changes():
         warnings.warn(f"{change}. esea-host study audit reports it.", stacklevel=2)
     if not begun or _remains(path):
-        former = _recorded(path) if begun else {}
+        former = dict(read_session(path).about.get("device", {})) if begun else {}
         device = _device(study, device, former.get("device"), rehearsal)
         arm, seed = arm or bool(former.get("arm")), former.get("seed", 1) if seed is None else seed
         mass, lever = mass or former.get("mass"), lever or former.get("lever")
@@ -325,12 +325,6 @@ def run(
             study, code, session - 1, device, key, arm, headless, seed, speed, language, patch,
             dark, close, hold, early, mass, lever, path, rehearsal, opening,
         ).run()  # fmt: skip
-
-
-def _recorded(path: Path) -> dict[str, Any]:
-    from esea_host.study.session import read_session
-
-    return dict(read_session(path).about.get("device", {}))
 
 
 def _nobody(device: str) -> bool:

@@ -123,7 +123,7 @@ def export(
     study.record("export", form=as_, labels=labels, written=written)
     out.print(f"{to}: {written} {'runs' if as_ == 'bids' else 'rows'}")
     if found := _identifying(study, to):
-        out.print(f"Identifying values: {len(found)}; next: esea-host study export {folder} --check")
+        out.print(f"{len(found)} identifying values; next: esea-host study export {folder} --check")
     if study.left_out or study.missing():
         raise typer.Exit(1)
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError, nearest
-from esea_gen.toml_file import Problem, checked, line_of, parse_toml, read_text
+from esea_gen.toml_file import checked, judged, line_of, parse_toml, read_text
 from esea_gen.trust import TaskCode, allow, inside, read_code
 from esea_host.study.task import StudyTask, load_tasks, task_named
 from esea_host.study.words import Words, language_of, words_of
@@ -242,8 +242,8 @@ def _check(protocol: Protocol) -> None:
                 )
 
 
-def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> set[str]:
-    file, loc = protocol.file, ("session", at[0], "block", at[1])
+def _check_block(protocol: Protocol, place: tuple[int, int], block: TrialBlock) -> set[str]:
+    file, text, loc = protocol.file, protocol.text, ("session", place[0], "block", place[1])
     task = task_named(block.task, protocol.line(*loc, "task"))
     rows = (*block.first, *block.trials, *block.last)
     if not rows:
@@ -254,14 +254,17 @@ def _check_block(protocol: Protocol, at: tuple[int, int], block: TrialBlock) -> 
         )
     conditions = [block.condition]
     if block.condition == GROUP:
-        conditions = sorted({order[at[0]] for order in file.groups.values()})
+        conditions = sorted({order[place[0]] for order in file.groups.values()})
     for condition in conditions:
         if condition:
             _condition(protocol, condition, protocol.line(*loc, "condition"))
         for row in rows:
             given = parameters_of(protocol, task, condition, block.parameters, row.parameters)
-            at = line_of(protocol.text, (*loc, "name"))
-            _check_parameters(protocol, at, block, task, given, condition)
+            for key, error in judged(task.Parameters, given, lambda _: None)[1]:
+                first, at = line_of(text, (*loc, "name")), ("conditions", condition, "parameters")
+                line = _next_line(text, first, key) or line_of(text, (*at, *key)) or first
+                where = f"parameters of {task.name} in block {block.name}"
+                raise UserError(f"{protocol.origin}, line {line}: {where}: {error.what}", error.fix)
     return set(task.Parameters.model_fields)
 
 
@@ -274,31 +277,8 @@ def _condition(protocol: Protocol, name: str, where: str) -> None:
         )
 
 
-def _check_parameters(
-    protocol: Protocol,
-    first: int,
-    block: TrialBlock,
-    task: StudyTask,
-    given: Mapping[str, Any],
-    condition: str,
-) -> None:
-    wrong: list[Problem] = []
-
-    def noted(problem: Problem) -> str:
-        wrong.append(problem)
-        return ""
-
-    where = f"parameters of {task.name} in block {block.name}"
-    try:
-        checked(task.Parameters, given, where, noted)
-    except UserError as error:
-        loc = ("conditions", condition, "parameters", *wrong[0].loc)
-        line = _next_line(protocol.text, first, wrong[0]) or line_of(protocol.text, loc) or first
-        raise UserError(f"{protocol.origin}, line {line}: {error.what}", error.fix) from None
-
-
-def _next_line(text: str, start: int, problem: Problem) -> int:
+def _next_line(text: str, start: int, loc: Sequence[str | int]) -> int:
     # Where block or row gives a parameter, in an inline table too; 0: the condition gives it.
-    key = re.compile(rf"\b{re.escape(str(problem.loc[0]))}\s*=") if problem.loc else None
+    key = re.compile(rf"\b{re.escape(str(loc[0]))}\s*=") if loc else None
     lines = enumerate(text.splitlines(), 1)
     return next((k for k, line in lines if k >= start and key and key.search(line)), 0)
