@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import socket
 import threading
 from collections.abc import Iterator
@@ -24,12 +25,12 @@ from esea_host.interaction.recordings import (
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import serve_hosts
 from esea_host.study.board import WORKING, BoardSource
-from esea_host.study.conductor import Conductor
+from esea_host.study.conductor import HELD, Conductor
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.session import COMPLETED, FAILED, StudySession
 from esea_host.study.task import task_named
-from tests.conducted import at_step, calibration, of_tasks, opening, study_of
+from tests.conducted import at_step, calibration, of_tasks, opening, study_of, until
 
 TRACKING = (
     'task = "interaction.tracking"\ntrials = [{ repeat = 2, parameters = { seconds = 1.0 } }]'
@@ -180,6 +181,30 @@ def test_a_task_that_raises_leaves_the_board_under_control(begun, lockstep, monk
     lockstep.advance(0.6)
     assert lockstep.state() not in WORKING
     source.close()
+
+
+def test_a_board_lost_in_a_rest_is_armed_when_the_operator_says_so(
+    begun, lockstep, simulated_elbow
+):
+    session, source = begun(of_tasks(TRACKING.replace("2", "3", 1) + "\nbetween_s = 1.0"))
+    conductor = Conductor(StudyFolder.open(session.log.path.parents[2]), session, math.inf)
+    rest = source.rest
+
+    def lose_power(seconds):
+        conductor.skip(2, "left out in the rest before it")
+        simulated_elbow.restart()
+        source.middle_rad, source.rest = 0.1, rest
+        rest(seconds)
+
+    source.rest = lose_power
+    conductor.start()
+    until(lambda: conductor.phase == HELD)
+    assert lockstep.state() == "UNREFERENCED"
+    conductor.pause(False)
+    conductor.join(60)
+    assert conductor.error is None
+    assert list(session.state.states.values()) == [COMPLETED, "skipped", COMPLETED]
+    assert math.isnan(source.middle_rad)  # it was taken by another zero
 
 
 def test_torque_at_rest_starts_nothing(begun, lockstep, monkeypatch):

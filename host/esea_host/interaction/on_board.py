@@ -65,7 +65,6 @@ class ElementBoard(BoardSource):
         super().__init__(device, folder, drive, advance)
         self.hands, self.who = hands, who
         self.known = known or (SIMULATED_LOAD if hands is not None else None)
-        self.middle_rad = math.nan
         self._aims = [0.0]
         self._confirmed = ""
 

@@ -148,7 +148,7 @@ class BoardSource(InputSource):
         self._rows = LatestRows(device, always)
         self._state, self._boot = "UNKNOWN", 0
         self._none = {n: 0.0 for n in self.signals.wanted_names if n.startswith(TORQUE)}
-        self._broken = ""
+        self._broken, self.middle_rad = "", math.nan  # the angle's, for who takes it: of this zero
         self._asked: dict[str, float] = {}
         self._held: float | None = None
         self._armed, self._reconnects = False, 0
@@ -179,8 +179,11 @@ class BoardSource(InputSource):
         }
         try:
             boot = self._wait_for_link()
+            self._reconnects = self.device.receiver.reconnects
             found |= {"boot": boot, "restarted": self._boot not in (0, boot)}
             self._boot = boot
+            if found["restarted"]:
+                self.middle_rad = math.nan
             if self._recording is None and self.folder is not None:
                 self._recording = self.device.record(self._new_file())
                 found["recording"] = self._recording.recorder.path.name
@@ -250,6 +253,7 @@ class BoardSource(InputSource):
                 raise UserError(self._trouble(state), "See to it, then go on with study resume.")
             if state == "UNREFERENCED":
                 self.device.zero()
+                self.middle_rad = math.nan
             elif state == "READY":
                 # Refused while the controller has not quite let go of what was before: once more.
                 try:
@@ -328,20 +332,20 @@ class BoardSource(InputSource):
         asked = trial_conditions(task, situation.parameters)
         self.signals.must_fit([(task, asked)])
         self._taps, self._asked = self.signals.taps(task), self.signals.wanted(asked)
-        self._rows.need(self._taps.values())
         try:
-            state = self._state_now()
-            if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
-                self._arm()
-                state = self._state_now()
-        finally:  # arming takes time: a replay reads the recording from here on
-            self._event("trial", number=number, task=task.name)
-        self._armed, self._reconnects = state in WORKING, self.device.receiver.reconnects
-        if CONSTRAINED in self._asked:
             try:
+                self._rows.need(self._taps.values())
+                state = self._state_now()
+                if self.drive and state in ("READY", "LETTING_GO"):  # nobody has asked in a pause
+                    self._arm()
+                    state = self._state_now()
+            finally:  # arming takes time: a replay reads the recording from here on
+                self._event("trial", number=number, task=task.name)
+            self._armed = state in WORKING
+            if CONSTRAINED in self._asked:
                 self._establish(number)
-            except (LinkError, UserError) as error:
-                self._lost(error)
+        except (LinkError, UserError) as error:
+            self._lost(error)
 
     def _establish(self, number: int) -> None:
         begun_ns, wanted = self.board_ns, self._asked[CONSTRAINED]
@@ -436,6 +440,9 @@ class BoardSource(InputSource):
         return self._state
 
     def broken(self) -> str:
+        receiver, again = self.device.receiver, self._rows.began_again
+        if again or receiver.away or receiver.reconnects != self._reconnects:
+            self._broken = self._broken or keyed("advice.link_broken")
         return self._broken
 
     def tick_s(self) -> float | None:

@@ -231,9 +231,7 @@ class Conductor(SessionWatcher):
         words = {STARTING: "wait", PAUSED: "paused", HELD: "paused"}
         if self.phase == OVER:
             words[OVER] = "stopped" if self.reason or self.error else "thanks"
-        if self.phase == RESTING and self.paused and self.rest_left_s == 0:
-            text = Text("paused")
-        elif self.phase == RESTING:
+        if self.phase == RESTING:
             text = Text("rest", {"seconds": self.rest_left_s})
         elif self.phase in words:
             text = Text(words[self.phase])
@@ -328,15 +326,17 @@ class Conductor(SessionWatcher):
         self.advice = (words,) if words else ()
 
     def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
-        """As long by the clock, and longer while a pause is pressed."""
         self.rest_until_s = time.monotonic() + seconds / min(self.speed, 1e9)
         self.phase = RESTING
         self._tell(keyed("happened.rest", seconds=seconds))
         if math.isfinite(self.speed):
             self._wait(self.rest_until_s)
         rest(seconds)
-        while self.paused and not self.turn():
-            time.sleep(PIECE_S)
+
+    def breaks(self, words: str) -> None:
+        """Wait for the operator."""
+        self.advice, self.phase = (words,), HELD
+        self.between()
 
     def begins(self, trial: PlannedTrial) -> None:
         self.trial, self.trial_s, self.advice = trial, 0.0, ()
@@ -371,7 +371,5 @@ class Conductor(SessionWatcher):
         ended = {"number": number, "state": keyed(f"state.{state}")}
         why = keyed("happened.trial_ended_why", **ended, reason=reason)
         self._tell(why if reason else keyed("happened.trial_ended", **ended))
-        if broken := self.source.broken():
-            self.advice = (broken,)
-        if broken or (self.hold and self.advice):
+        if self.hold and self.advice:
             self.phase = HELD

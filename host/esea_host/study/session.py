@@ -209,17 +209,13 @@ class StudySession:
         self.say("ready", **ready)
         return str(ready.get("problem", ""))
 
-    def _mended(self, watcher: SessionWatcher) -> str:
-        # A source that was lost is made ready again, or the reason why it cannot be.
-        return (watcher.turn() or self._make_ready()) if self.source.broken() else ""
-
     def _reread(self) -> None:
         self.state = read_session(self.log.path)
 
     def _trials(self, watcher: SessionWatcher) -> str:
         known, past, failed = None, list[Row](), 0
         todo: list[PlannedTrial] = []
-        rules = self.stopping
+        rules, rested = self.stopping, 0
         while True:
             watcher.between()
             if known is not self.state:  # at first, and where a trial is to be left out or repeated
@@ -227,14 +223,20 @@ class StudySession:
                 past = [*self.earlier, *self.state.past]
             if not todo:
                 return ""
-            if why := self._mended(watcher):
-                return why
+            if broken := self.source.broken():
+                watcher.breaks(broken)
+                if why := watcher.turn() or self._make_ready():
+                    return why
+                continue
             trial = todo[0]
-            if trial.rest_before_s:
+            if trial.rest_before_s and rested != trial.number:
+                rested = trial.number
                 self.say("rest", seconds=trial.rest_before_s)
                 watcher.rests(trial.rest_before_s, self.source.rest)
-                if why := watcher.turn() or self._mended(watcher):
+                if why := watcher.turn():
                     return why
+                continue  # it may have been left out meanwhile, or the source have been lost
+            rested = 0
             # By the session's own clock: a break between start and resume counts as no time.
             if self._offset_s + self.source.now_s() > 60 * rules.longest_min:
                 return keyed("reason.too_long", minutes=rules.longest_min)

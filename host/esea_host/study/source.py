@@ -55,6 +55,9 @@ class SessionWatcher:
     def waits(self, words: str) -> None:
         """Report what the session waits for, and the action to take; empty: no longer."""
 
+    def breaks(self, words: str) -> None:
+        """The source was lost; it is made ready again, and its motor armed, after this."""
+
     def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
         """A rest: called to pass the time of the source."""
         rest(seconds)
