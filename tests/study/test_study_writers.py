@@ -8,6 +8,7 @@ import os
 import resource
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.protocol import Protocol, load_protocol
 from esea_host.study.repair import repair
+from esea_host.study.report import study_page
 from esea_host.study.session import read_session
 from esea_host.study.source import SimulatedSource
 from tests.conducted import EXAMPLE, run_one, study_of
@@ -237,6 +239,8 @@ def test_a_broken_session_is_named_left_out_repaired_and_gone_on_with(tmp_path, 
     assert run_one(study).state.remaining == ()
     assert study.problems() == []
     assert repair(study) == []
+    with closing(study.session("P01", 0, None)):
+        assert "not repaired: " in repair(study)[0]
 
 
 def test_entries_behind_a_break_of_the_audit_trail_are_entered_again(study):
@@ -259,11 +263,24 @@ def test_entries_behind_a_break_of_the_audit_trail_are_entered_again(study):
     assert again == [3, 4]
 
 
-def test_a_trail_without_its_beginning_is_not_repaired(study):
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        lambda trail: b"",
+        lambda trail: trail.partition(b"\n")[2],
+        lambda trail: trail.replace(b'"simulated":true', b'"simulated":false', 1),
+    ],
+)
+def test_a_trail_without_its_beginning_is_not_repaired(study, damaged):
+    """By whomever: what it says, that nobody real takes part, must not be lost."""
     path = study.path / "audit.jsonl"
-    path.write_bytes(path.read_bytes().partition(b"\n")[2])
-    with pytest.raises(UserError, match="Restore the file from a copy"):
-        repair(study)
+    path.write_bytes(now := damaged(path.read_bytes()))
+    study = StudyFolder.open(study.path, by="Weber")
+    assert study.problems()[0].startswith("audit.jsonl: ")
+    for act in (repair, lambda s: s.enrol("P09", True, form="1"), study_page):
+        with pytest.raises(UserError, match="Restore the file from a copy"):
+            act(study)
+    assert path.read_bytes() == now
 
 
 # -- real and simulated ----------------------------------------------------------------------------

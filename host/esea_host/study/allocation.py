@@ -12,6 +12,7 @@ import hashlib
 import io
 import itertools
 import json
+import os
 import re
 import secrets
 from collections.abc import Callable, Sequence
@@ -257,8 +258,8 @@ class Allocations:
                 f"Ask {self.lists[-1].by or 'the third person'} for the code of that place, then "
                 "add --open CODE; or name the sealed list, --open FILE.",
             )
-        path = Path(opening)
-        given = code_in(path, stratum, place) if path.is_file() else opening
+        listed = os.path.isfile(opening)  # no name that is too long is an error to it
+        given = code_in(Path(opening), stratum, place) if listed else opening
         given = re.sub("[^0-9A-Z]", "", given.upper())
         for group in sorted(self.protocol.file.groups):
             if Envelope(stratum, place, group, given).commitment == committed[place - 1]:

@@ -36,6 +36,7 @@ LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, PROTOCOL, TASKS, TEXTS = "events.jsonl", "protocol.toml", "tasks", "texts"
+NOT_CREATED = "the entry 'created', its first, is not what was written"
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
@@ -102,13 +103,13 @@ class StudyFolder:
     @cached_property
     def simulated(self) -> bool:
         """Whether no real person takes part; decided when the study was created."""
-        entries = self.trail(strict=False)
-        if not self._found.sound_bytes:  # the first line, which says it, is not what was written
-            self._found.sound(self.path / AUDIT)
-        return bool(entries) and bool(entries[0].data.get("simulated"))
+        first = next(iter(self.trail(strict=False)), None)
+        if first is None or first.kind != "created" or not self._found.sound_bytes:
+            raise UserError(f"{self.path / AUDIT}: {NOT_CREATED}.", "Restore the file from a copy.")
+        return bool(first.data.get("simulated"))
 
     def must_know_operator(self) -> None:
-        if not self.by and not self.simulated:
+        if not self.simulated and not self.by:
             raise UserError(
                 "In a real study every entry names who made it.",
                 "Say who you are: --operator NAME, or ESEA_OPERATOR.",
@@ -171,6 +172,8 @@ class StudyFolder:
         found = [f"{AUDIT}: {b}" for b in record.breaks]
         lacks = [(e.number, lack(e.kind, e.data)) for e in record.entries]
         found += [f"{AUDIT}: line {n + 1}: {words}" for n, words in lacks if words]
+        if not (record.breaks or self.content_at_first()):
+            found.append(f"{AUDIT}: {NOT_CREATED}")
         found += self.changes()
         found += Allocations(self.path, self.protocol, self.trail(strict=False)).problems()
         gone = self._with("delete")

@@ -6,7 +6,7 @@ from typing import Any
 
 from esea_gen.errors import UserError
 from esea_host.study.folder import WAIT_S, StudyFolder
-from esea_host.study.log import EventLog, MovedAside, read_log
+from esea_host.study.log import EventLog, MovedAside
 from esea_host.study.records import AUDIT
 
 
@@ -15,14 +15,9 @@ def repair(study: StudyFolder) -> list[str]:
 
     Entries of the audit trail behind the break that are intact in themselves are entered again.
     """
-    path = study.path / AUDIT
-    if all(e.kind != "created" for e in read_log(path).entries):
-        raise UserError(
-            f"{path}: the entry 'created' cannot be read.", "Restore the file from a copy."
-        )
     study.must_know_operator()
     said = []
-    with EventLog(path, study.durable, study.by, WAIT_S, mend=True) as trail:
+    with EventLog(study.path / AUDIT, study.durable, study.by, WAIT_S, mend=True) as trail:
         if trail.moved_aside:
             trail.append(None, "repair", _entry(AUDIT, trail.moved_aside, trail))
             again = _enter_again(trail, trail.moved_aside)
