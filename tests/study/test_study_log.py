@@ -207,6 +207,8 @@ def test_a_log_that_vanished_is_named_unless_deleted_on_demand(study):
     held = path.read_bytes()
     path.unlink()
     assert study.problems() == ["P01, session 1: its log is missing"]
+    with pytest.raises(UserError, match="is missing, and the session was begun"):
+        run_one(study)  # it would not count once it has ended
     path.write_bytes(held)
     assert study.delete("P01", "asked for it") == 1
     assert study.problems() == []
@@ -215,3 +217,9 @@ def test_a_log_that_vanished_is_named_unless_deleted_on_demand(study):
         study.session("P01", 0, SimulatedSource(1))
     study.enrol("P02", True)
     assert study.participants()["P02"] == 1  # its place in the random order stays taken
+    session = study.session("P02", 0, SimulatedSource(1))
+    session.close()
+    session.log.path.unlink()
+    assert repair(study) == ["P02/session-1/events.jsonl: it is lost; the session begins anew"]
+    assert study.problems() == []
+    study.session("P02", 0, SimulatedSource(1)).close()

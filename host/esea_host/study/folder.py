@@ -355,10 +355,13 @@ class StudyFolder:
                         "Sessions come in their order.",
                     )
             log = self.log_of(code, number)
-            if source is None and not self.begun(code, number):
-                raise UserError(f"{code} has not begun session {number + 1}.", "Name another one.")
             if self.begun(code, number):
                 self.read(code, number, log)
+            elif (code, number) in self.ends():
+                fix = "Restore it from a copy; if it is lost: esea-host study repair FOLDER."
+                raise UserError(f"{log} is missing, and the session was begun.", fix)
+            elif source is None:
+                raise UserError(f"{code} has not begun session {number + 1}.", "Name another one.")
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)

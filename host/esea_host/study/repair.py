@@ -24,6 +24,7 @@ def repair(study: StudyFolder) -> list[str]:
             said.append(f"{_told(AUDIT, trail.moved_aside)}; {again} of its entries are back")
         for code, number, log in study.sessions(every=True):
             name = log.relative_to(study.path).as_posix()
+            who = {"participant": code, "session": number}
             try:
                 session = EventLog(log, study.durable, study.by, mend=True)
             except UserError as error:
@@ -34,16 +35,19 @@ def repair(study: StudyFolder) -> list[str]:
                     entry = _entry(name, session.moved_aside, session)
                     if session.found.entries:
                         session.append(session.found.entries[-1].time_s, "repair", entry)
-                    who = {"participant": code, "session": number}
                     trail.append(None, "repair", entry | who)
                     said.append(_told(name, session.moved_aside))
             hashes = {e.hash for e in session.found.entries}
             if not session.moved_aside and study.ends().get((code, number), set()) - hashes:
-                lost = {"log": name, "participant": code, "session": number, "kept": len(hashes)}
-                trail.append(None, "repair", lost)
+                trail.append(None, "repair", {"log": name, "kept": len(hashes)} | who)
                 said.append(f"{name}: its end is lost; the session goes on from what is left")
             if session.moved_aside and not session.found.entries:
                 log.unlink()  # the session begins anew
+        for code, number in study.missing():
+            name = study.log_of(code, number).relative_to(study.path).as_posix()
+            who = {"participant": code, "session": number}
+            trail.append(None, "repair", {"log": name, "kept": 0} | who)
+            said.append(f"{name}: it is lost; the session begins anew")
     return said
 
 
