@@ -322,7 +322,9 @@ def test_every_row_is_marked_and_a_real_study_takes_no_simulated_device(study, r
 def test_a_rehearsal_uses_nothing_up(real):
     trail = len(real.trail())
     log = real.new_rehearsal(0)
-    session = real.session("P07", 0, SimulatedSource(1), rehearsal=log)
+    with pytest.raises(UserError, match="'Anna Weber' is not a participant code"):
+        real.session("Anna Weber", 0, SimulatedSource(1), rehearsal=log)
+    session = real.session("P01", 0, SimulatedSource(1), rehearsal=log)
     assert session.run() == ""
     real.finish(session)
     session.close()
@@ -330,7 +332,9 @@ def test_a_rehearsal_uses_nothing_up(real):
     assert all(r["rehearsal"] and r["simulated"] for r in session.state.past)
     assert [e.kind for e in real.trail()[trail:]] == ["rehearsal"]
     assert (list(real.sessions()), list(real.participants())) == ([], ["P01"])
-    assert real.new_rehearsal(0) != log
+    assert (other := real.new_rehearsal(0)) != log
+    assert real.delete("P01", "asked for it") == 1  # what was rehearsed with that person too
+    assert (log.exists(), other.parents[1].exists()) == (False, True)
 
 
 def test_a_session_goes_on_with_its_device(study, protocol, monkeypatch):

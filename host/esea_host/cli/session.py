@@ -112,8 +112,8 @@ class _AskedSession:
                     state, reason = self._in_windows(session, board, pointed)
         except OSError as error:
             raise UserError(
-                f"{self.log}: cannot be written ({error.strerror or error}).",
-                "What was written before is whole; make room, then go on with study resume.",
+                f"{error.filename or self.log}: {error.strerror or error}.",
+                "What was written before is whole; mend it, then go on with study resume.",
             ) from None
         if not self.rehearsal and self.device != SIMULATED and self.study.protocol.file.groups:
             _name_recordings(self.study)

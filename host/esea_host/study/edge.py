@@ -23,9 +23,7 @@ def of_task(task: StudyTask, part: Callable[..., Any], *given: Any) -> Any:
     """Result of a part of a task; an exception fails the trial, and the session continues."""
     try:
         return part(*given)
-    except (TaskBrokenError, UserError):
-        raise
-    except KeyboardInterrupt:  # of whoever sits here
+    except (TaskBrokenError, UserError, KeyboardInterrupt):
         raise
     except BaseException as error:
         raise TaskBrokenError(f"task {task.name}: {type(error).__name__}: {error}") from error

@@ -40,6 +40,15 @@ NOT_CREATED = "the entry 'created', its first, is not what was written"
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
+def check_code(code: str) -> None:
+    if not CODE.fullmatch(code):
+        raise UserError(
+            f"{code!r} is not a participant code.",
+            "Codes are one to three capitals and two to four digits, such as P01; never a "
+            "name or initials.",
+        )
+
+
 class StudyFolder:
     """by: the operator, for the record; a real study takes no entry without one."""
 
@@ -57,9 +66,8 @@ class StudyFolder:
         try:
             path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise UserError(
-                f"{path}: cannot be made ({error.strerror}).", "Name a new folder."
-            ) from None
+            what = f"{path}: cannot be made ({error.strerror})."
+            raise UserError(what, "Name a new folder.") from None
         if any(path.iterdir()):
             raise UserError(f"{path} is not empty.", "Name a new folder; nothing is overwritten.")
         study = cls(path, protocol, durable, by)
@@ -241,12 +249,7 @@ class StudyFolder:
         codes = [codes] if isinstance(codes, str) else codes
         stratum = stratum_named(self.protocol.file, strata)
         for code in codes:
-            if not CODE.fullmatch(code):
-                raise UserError(
-                    f"{code!r} is not a participant code.",
-                    "Codes are one to three capitals and two to four digits, such as P01; never a "
-                    "name or initials.",
-                )
+            check_code(code)
             if not consent:
                 raise UserError(
                     f"{code} has not consented.",
@@ -341,6 +344,7 @@ class StudyFolder:
         given = self.durable, stopping, self.by, rehearsal is not None, about
         with self._trail() as trail:
             if rehearsal is not None:
+                check_code(code)
                 plan = build_plan(self.protocol, REHEARSED, number)
                 session = StudySession(rehearsal, plan, code, source, (), *given)
                 where = rehearsal.relative_to(self.path).as_posix()
@@ -486,21 +490,26 @@ class StudyFolder:
 
     def delete(self, code: str, reason: str) -> int:
         """Delete a participant's data on demand; that it was done stays on record."""
-        folder = self.path / code
         with self._trail() as trail:
             if code not in self.participants():
                 raise UserError(f"{code} is not in this study.", "Name a participant of it.")
             for _, _, log in self.sessions(code, every=True):
                 with locked(log.with_suffix(".lock"), self.by):
                     pass  # nobody writes it
-            files = [p for p in folder.rglob("*") if p.is_file() and p.suffix != ".lock"]
+            logs = [d for k, d in self.audited() if k == "rehearsal" and d["participant"] == code]
+            tried = {name for d in logs for name in Path(d["log"]).parts[1:2]}
+            folders = [p for p in self.path.glob("rehearsals/*") if p.name in tried]
+            folders.append(self.path / code)
+            files = [p for f in folders for p in f.rglob("*") if p.is_file()]
+            files = [p for p in files if p.suffix != ".lock"]
             # First on record: what an interrupt leaves is named by audit, and deleted again.
             entry = {"participant": code, "files": len(files), "reason": reason}
             trail.append(None, "delete", entry)
-            shutil.rmtree(folder, ignore_errors=True)
-        if folder.exists():
+            for folder in folders:
+                shutil.rmtree(folder, ignore_errors=True)
+        if left := [str(folder) for folder in folders if folder.exists()]:
             raise UserError(
-                f"{folder}: not everything could be deleted.",
+                f"{', '.join(left)}: not everything could be deleted.",
                 "Look at its rights, and at programs that use it; then delete it again.",
             )
         return len(files)

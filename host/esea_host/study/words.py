@@ -58,9 +58,6 @@ class Words(Formatter):
         """A text of a scene; a key that is in no file is the text itself."""
         return self.vformat(self.or_same("scene", key), (), values)
 
-    def number(self, value: Any) -> str:
-        return self.format_field(value, "")
-
     def format_field(self, value: Any, format_spec: str) -> str:
         if isinstance(value, str):
             return self.of(value)
