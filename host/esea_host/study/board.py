@@ -9,6 +9,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,10 +101,8 @@ class LatestRows:
             if count:
                 self._new[name] = rows[:count]
             if count < len(rows):
-                left = Batch(
-                    batches[-1].layout, rows[count:], times[count:], batches[-1].arrived_ns
-                )
-                self._waiting[name] = [left]
+                left = {"rows": rows[count:], "board_ns": times[count:]}
+                self._waiting[name] = [replace(batches[-1], **left)]
         self.board_ns = now_ns
         self.tick = max(int(self._new[s][TICK][-1]) for s in self._needed)
         if self._device.address is None:

@@ -42,11 +42,9 @@ WAIT_S = 30.0  # so long at most for another process to write its entry
 
 def check_code(code: str) -> None:
     if not CODE.fullmatch(code):
-        raise UserError(
-            f"{code!r} is not a participant code.",
-            "Codes are one to three capitals and two to four digits, such as P01; never a "
-            "name or initials.",
-        )
+        form = "one to three capitals and two to four digits, such as P01"
+        fix = f"Codes are {form}; never a name or initials."
+        raise UserError(f"{code!r} is not a participant code.", fix)
 
 
 class StudyFolder:
@@ -118,10 +116,8 @@ class StudyFolder:
 
     def must_know_operator(self) -> None:
         if not self.simulated and not self.by:
-            raise UserError(
-                "In a real study every entry names who made it.",
-                "Say who you are: --operator NAME, or ESEA_OPERATOR.",
-            )
+            fix = "Say who you are: --operator NAME, or ESEA_OPERATOR."
+            raise UserError("In a real study every entry names who made it.", fix)
 
     def record(self, kind: str, **data: Any) -> None:
         """Add to the audit trail; :data:`~esea_host.study.records.RECORDS` says what a kind needs.
@@ -251,16 +247,12 @@ class StudyFolder:
         for code in codes:
             check_code(code)
             if not consent:
-                raise UserError(
-                    f"{code} has not consented.",
-                    "Without written consent nothing starts: --consent.",
-                )
+                fix = "Without written consent nothing starts: --consent."
+                raise UserError(f"{code} has not consented.", fix)
         self.must_know_operator()
         if not self.simulated and not form.strip():
-            raise UserError(
-                "A real study records which version of the consent form was signed.",
-                "Give --form VERSION.",
-            )
+            what = "A real study records which version of the consent form was signed."
+            raise UserError(what, "Give --form VERSION.")
         given = {"date": consent_date(date), "form": form, "by": obtained_by or self.by}
         with self._trail() as log:
             self.allocations.must_not_have_made(self.by)
@@ -354,10 +346,8 @@ class StudyFolder:
             for earlier in range(number):
                 path = self.log_of(code, earlier)
                 if not self.begun(code, earlier) or self.read(code, earlier, path).remaining:
-                    raise UserError(
-                        f"{code} has not done session {earlier + 1}.",
-                        "Sessions come in their order.",
-                    )
+                    fix = "Sessions come in their order."
+                    raise UserError(f"{code} has not done session {earlier + 1}.", fix)
             log = self.log_of(code, number)
             if self.begun(code, number):
                 self.read(code, number, log)
@@ -442,9 +432,8 @@ class StudyFolder:
         created = next((d for k, d in self.audited(strict=False) if k == "created"), {})
         key = study_key(self.path, make="key" not in created)
         if created.get("key", fingerprint(key)) != fingerprint(key):
-            raise UserError(
-                f"{self.path}: private/key is not the study's.", "Restore that file from a copy."
-            )
+            what = f"{self.path}: private/key is not the study's."
+            raise UserError(what, "Restore that file from a copy.")
         return key
 
     @property
@@ -500,8 +489,8 @@ class StudyFolder:
             tried = {name for d in logs for name in Path(d["log"]).parts[1:2]}
             folders = [p for p in self.path.glob("rehearsals/*") if p.name in tried]
             folders.append(self.path / code)
-            files = [p for f in folders for p in f.rglob("*") if p.is_file()]
-            files = [p for p in files if p.suffix != ".lock"]
+            found = (p for folder in folders for p in folder.rglob("*"))
+            files = [p for p in found if p.is_file() and p.suffix != ".lock"]
             # First on record: what an interrupt leaves is named by audit, and deleted again.
             entry = {"participant": code, "files": len(files), "reason": reason}
             trail.append(None, "delete", entry)

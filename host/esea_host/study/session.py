@@ -124,7 +124,7 @@ def _rows_after(past: list[Row], e: LoggedEvent) -> list[Row]:
 class StudySession:
     """One participant's session; continues an existing log, whose plan must be the same.
 
-    source: None to change the log only; about: what it is run with, for the record.
+    source: None to change the log only, not to run; about: what it is run with, for the record.
     seal: as of :class:`~esea_host.study.log.EventLog`.
     """
 
@@ -172,7 +172,7 @@ class StudySession:
         if self.log.taken_over:
             self.log.append(self._offset_s, "takeover", self.log.taken_over)
         self.source = source or SimulatedSource(0)
-        self._may_run, self._content_hash = source is not None, self.state.content_hash
+        self._content_hash = self.state.content_hash
 
     def say(self, kind: str, /, **data: Any) -> None:
         """Write an event; it is on disk when this returns. Only in the session's thread."""
@@ -184,8 +184,6 @@ class StudySession:
         stop: Callable[[], str] = lambda: "",
         watcher: SessionWatcher | None = None,
     ) -> str:
-        if not self._may_run:
-            raise ValueError("a session that was opened without a source does not run")
         watcher = watcher or SessionWatcher(show, stop)
         source = self.source
         source.ask, source.waits, source.say = watcher.turn, watcher.waits, self.say
