@@ -261,6 +261,7 @@ def replay_command(
             scenes += 1
             other |= set() if same else {trial}
         words = "the same, bit for bit" if not other else "NOT the same"
+        scenes -= told.lacking if told else 0
         out.print(f"{scenes} scenes from the {source}; {words}")
         if other:
             raise UserError(

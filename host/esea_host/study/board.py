@@ -101,8 +101,8 @@ class LatestRows:
             if count:
                 self._new[name] = rows[:count]
             if count < len(rows):
-                left = {"rows": rows[count:], "board_ns": times[count:]}
-                self._waiting[name] = [replace(batches[-1], **left)]
+                left = replace(batches[-1], rows=rows[count:], board_ns=times[count:])
+                self._waiting[name] = [left]
         self.board_ns = now_ns
         self.tick = max(int(self._new[s][TICK][-1]) for s in self._needed)
         if self._device.address is None:

@@ -82,16 +82,22 @@ class BoardInputs:
 
     def __init__(self, path: Path) -> None:
         self.recordings = BoardRecordings(path.parent)
-        by_number: dict[int, list[TrialAttempt]] = {}
+        by_trial: dict[tuple[str, int], list[TrialAttempt]] = {}
         for attempt in self.recordings.attempts:
-            by_number.setdefault(attempt.number, []).append(attempt)
+            by_trial.setdefault((attempt.path.name, attempt.number), []).append(attempt)
+        self._there, file = {p.name for p in self.recordings.paths}, ""
+        self._files: list[str] = []  # of each attempt
+        self.lacking = 0  # samples that a cut recording has no more: the log's stay
         self._of: list[tuple[TrialAttempt | None, int, Mapping[str, float]]] = []
         middle: Mapping[str, float] = {}
         for e in read_log(path).sound(path).entries:
             if e.kind == MIDDLE:
                 middle = e.data["inputs"]
+            elif e.kind == "ready":
+                file = e.data.get("recording", file)
             elif e.kind == "trial":
-                waiting = by_number.get(e.data["trial"], [])
+                waiting = by_trial.get((file, e.data["trial"]), [])
+                self._files.append(file)
                 found = waiting.pop(0) if waiting else None
                 self._of.append((found, found.begun_ns if found else 0, middle))
             elif e.kind == CONDITION:
@@ -100,18 +106,22 @@ class BoardInputs:
 
     def __call__(self, attempt: int, task: StudyTask, time_s: float) -> Inputs:
         found, begun_ns, middle = self._of[attempt]
+        if self._files[attempt] not in self._there:
+            fix = "Put the recording of that session back beside its log."
+            raise UserError(f"{self._files[attempt] or 'The recording'} is not there.", fix)
         if found is None:
-            raise UserError(
-                f"The recordings have no trial {task.name} that the log has.",
-                "Put the recording of that session back beside its log.",
-            )
+            self.lacking += 1
+            return {}
         if attempt != self._now:
             self._now, self._taps = attempt, self.recordings.signals(found).taps(task)
         at_ns = begun_ns + round(time_s * 1e6) * 1000
         values = {}
         for name, tap in self._taps.items():
             table = self.recordings.table(found, tap.stream)
+            if not len(table.board_ns) or at_ns >= table.board_ns[-1] + 1000:
+                continue
             row = int(np.searchsorted(table.board_ns, at_ns, "right")) - 1
             told = tap.factor * float(table[tap.column][row]) if row >= 0 else 0.0
             values[name] = told - middle.get(name, 0.0)
+        self.lacking += len(values) < len(self._taps)
         return values
