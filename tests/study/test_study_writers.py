@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import resource
 import signal
 import time
@@ -263,18 +264,11 @@ def test_entries_behind_a_break_of_the_audit_trail_are_entered_again(study):
     assert again == [3, 4]
 
 
-@pytest.mark.parametrize(
-    "damaged",
-    [
-        lambda trail: b"",
-        lambda trail: trail.partition(b"\n")[2],
-        lambda trail: trail.replace(b'"simulated":true', b'"simulated":false', 1),
-    ],
-)
-def test_a_trail_without_its_beginning_is_not_repaired(study, damaged):
+@pytest.mark.parametrize("damage", [(b"(?s).*", b""), (b".*\n", b""), (b":true", b":false")])
+def test_a_trail_without_its_beginning_is_not_repaired(study, damage):
     """By whomever: what it says, that nobody real takes part, must not be lost."""
     path = study.path / "audit.jsonl"
-    path.write_bytes(now := damaged(path.read_bytes()))
+    path.write_bytes(now := re.sub(*damage, path.read_bytes(), count=1))
     study = StudyFolder.open(study.path, by="Weber")
     assert study.problems()[0].startswith("audit.jsonl: ")
     for act in (repair, lambda s: s.enrol("P09", True, form="1"), study_page):

@@ -180,15 +180,11 @@ class Allocations:
         if not file.groups:
             raise UserError("The protocol has no groups: nothing is to allocate.", "Add [groups].")
         if not by or by in {e.by for e in self.trail if e.kind not in ("created", "allocate")}:
-            raise UserError(
-                f"The list is made by a third person, not by {by or 'nobody'}.",
-                "Give --operator with the name of somebody who neither enrols nor runs sessions.",
-            )
+            fix = "Give --operator with the name of somebody who neither enrols nor runs sessions."
+            raise UserError(f"The list is made by a third person, not by {by or 'nobody'}.", fix)
         if keep.resolve().is_relative_to(self.folder.resolve()):
-            raise UserError(
-                f"{keep} is in the study's folder.",
-                "Keep the list where those who run sessions cannot read it.",
-            )
+            fix = "Keep the list where those who run sessions cannot read it."
+            raise UserError(f"{keep} is in the study's folder.", fix)
         if self.lists and not reason:
             raise UserError(
                 f"There is a list of {self.places()} places; {len(self._opened)} are open.",
@@ -247,10 +243,8 @@ class Allocations:
                 "--operator NAME",
             )
         if place > len(committed):
-            raise UserError(
-                f"All {len(committed)} places{_of(stratum)} are open.",
-                "The third person adds further ones: study allocate with --reason.",
-            )
+            fix = "The third person adds further ones: study allocate with --reason."
+            raise UserError(f"All {len(committed)} places{_of(stratum)} are open.", fix)
         self.must_not_have_made(by)
         if not opening:
             raise UserError(
@@ -267,7 +261,5 @@ class Allocations:
                 if blinded:
                     return {**known, SEALED: sealed(self.key(), [group, given])}
                 return {**known, "group": group, "code": given}
-        raise UserError(
-            f"{given or 'That'} does not open place {place}{_of(stratum)}.",
-            "Read the code of that place again.",
-        )
+        fix = "Read the code of that place again."
+        raise UserError(f"{given or 'That'} does not open place {place}{_of(stratum)}.", fix)

@@ -271,10 +271,8 @@ def _check_block(protocol: Protocol, place: tuple[int, int], block: TrialBlock) 
 def _condition(protocol: Protocol, name: str, where: str) -> None:
     known = protocol.file.conditions
     if name not in known:
-        raise UserError(
-            f"{where}: there is no condition {name!r}.",
-            f"{nearest(name, known)}There are: {', '.join(known)}.",
-        )
+        fix = f"{nearest(name, known)}There are: {', '.join(known)}."
+        raise UserError(f"{where}: there is no condition {name!r}.", fix)
 
 
 def _next_line(text: str, start: int, loc: Sequence[str | int]) -> int:

@@ -83,10 +83,8 @@ def words_of(language: str, own: bytes = b"", origin: str = "") -> Words:
         texts = _read(path.read_text(encoding="utf-8"), path.name)
     elif not own:
         known = ", ".join(languages())
-        raise UserError(
-            f"There are no texts in the language {language!r}.",
-            f"There are: {known}; a study may bring its own, see {SEE}.",
-        )
+        fix = f"There are: {known}; a study may bring its own, see {SEE}."
+        raise UserError(f"There are no texts in the language {language!r}.", fix)
     if own:
         try:
             given = own.decode("utf-8-sig")
