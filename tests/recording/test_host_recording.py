@@ -19,6 +19,7 @@ from mcap.reader import make_reader
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.recording import Gap, GapError, Recorder, RecordingState, StreamColumn, StreamLayout
+from esea_host.recording.export import play
 from tests.conftest import ROOT
 from tests.fuzz.hostile import bomb, foreign_recording
 
@@ -234,6 +235,17 @@ def test_ctrl_c_while_rows_are_written_leaves_them_complete(tmp_path):
         assert (log.whole, log["sense_out"].rows.tobytes()) == (True, made(0, 10).tobytes())
 
 
+def test_a_file_that_is_deleted_ends_its_recording_and_the_next_one_of_its_name_stays(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, piece_s=0) as recorder:
+        write(recorder, made(0, 10))
+        path.unlink()
+        path.write_bytes(b"another")
+        with pytest.raises(UserError, match="the file was deleted"):
+            write(recorder, made(10, 10))
+    assert path.read_bytes() == b"another"
+
+
 @pytest.mark.parametrize("limit_bytes", [7000, pytest.param(100_001, marks=pytest.mark.ci)])
 def test_a_full_disk_leaves_what_was_written(tmp_path, limit_bytes):
     """A limit on the file's size, as a full disk: in any piece, and in the closing index."""
@@ -303,11 +315,15 @@ def test_a_damaged_piece_is_a_gap_and_a_figure_across_it_is_refused(tmp_path, co
 
 def test_a_recorded_gap_refuses_too_and_so_does_an_unmarked_one(tmp_path):
     path = tmp_path / "a.mcap"
-    with Recorder(path) as recorder:
+    with Recorder(path, {"facts.json": b'{"simulated": true}'}) as recorder:
         write(recorder, made(0, 20))
         recorder.gap(Gap("sense_out", 19, 25, 5, "link", 19_000_000))
         write(recorder, made(25, 20))
         write(recorder, made(46, 4))  # a hole that nobody wrote down
+        recorder.gap(Gap("sense_out", 49, -1, -1, "disconnected", 49_000_000))
+    played = [json.loads(line) for line in play(esea_host.open_log(path), "sense_out", 1e6)]
+    assert [i for i, x in enumerate(played) if "gap" in x] == [20, 45]
+    assert all(x["simulated"] for x in played if "gap" not in x)
     table = esea_host.open_log(path)["sense_out"]
     with pytest.raises(
         GapError, match=r"5 runs missing between ticks 19 and 25: .*lost on the way"

@@ -190,8 +190,9 @@ def record(
             out.print(counted)
         if recording.error is not None or board.receiver.away:
             why = recording.error or "the link was broken."
-            told(paragraphs(f"esea-host: the recording ended early; its file stays: {why}"))
-            told(f"What it has: esea-host show {path}")
+            told(paragraphs(f"esea-host: the recording ended early: {why}"))
+            if path.exists():
+                told(f"The file stays; what it has: esea-host show {path}")
             raise typer.Exit(1)
 
 

@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import time
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -223,9 +224,13 @@ def _data_set(folder: Path, subject: str) -> None:
 def play(log: Log, stream: str, speed: float) -> Iterator[str]:
     started_s = time.monotonic()
     table = log[stream]
-    holes = {gap.after_tick: gap for gap in table.gaps}
+    marks = {"simulated": True} if log.facts.get("simulated") else {}
+    due = defaultdict[int, list[str]](list)
+    for behind, gap in table.holes():
+        due[behind].append(json.dumps({"gap": asdict(gap)}))
     columns = [table[n].tolist() for n in table.names]
-    for at_s, *values in zip(table.time_s.tolist(), *columns, strict=True):
+    for i, (at_s, *values) in enumerate(zip(table.time_s.tolist(), *columns, strict=True)):
+        yield from due[i]
         wait_s = at_s / speed - (time.monotonic() - started_s) if speed else 0.0
         if wait_s > LONGEST_S:  # a clock that jumps
             started_s -= wait_s - LONGEST_S
@@ -233,6 +238,5 @@ def play(log: Log, stream: str, speed: float) -> Iterator[str]:
         if wait_s > 0:
             time.sleep(wait_s)
         row = dict(zip(table.names, values, strict=True))
-        yield json.dumps(plain({"time_s": round(at_s, 6)} | row, null=True))
-        if row.get("sequence") in holes:
-            yield json.dumps({"gap": asdict(holes[row["sequence"]])})
+        yield json.dumps(plain({"time_s": round(at_s, 6)} | marks | row, null=True))
+    yield from due[len(table)]

@@ -106,8 +106,8 @@ class Table:
         out.attrs["gaps"] = [asdict(g) for g in self.gaps]
         return out
 
-    def _holes(self) -> list[tuple[int, Gap]]:
-        # Row behind each hole, and the hole.
+    def holes(self) -> list[tuple[int, Gap]]:
+        """Row behind each hole, and the hole."""
         behind = [int(np.searchsorted(self.board_ns, g.board_ns, "right")) for g in self.gaps]
         return list(zip(behind, self.gaps, strict=True))
 
@@ -128,7 +128,7 @@ class Table:
             When there is a hole in it, or the clock started again.
         """
         first, last = np.searchsorted(self.time_s, [start_s, end_s])
-        holes = [g for row, g in self._holes() if first < row < last]
+        holes = [g for row, g in self.holes() if first < row < last]
         if holes:
             what = f"{len(holes)} gaps" if len(holes) > 1 else "A gap"
             raise GapError(f"{what} from {start_s:g} to {end_s:g} s: {holes[0]}.", tuple(holes))
@@ -141,7 +141,7 @@ class Table:
     def pieces(self) -> Iterator[Table]:
         """The stretches between the holes, and between new starts of the board's clock."""
         starts = np.flatnonzero(np.diff(self.tick.astype(np.int64)) <= 0) + 1
-        cuts = sorted({0, len(self), *(row for row, _ in self._holes()), *starts.tolist()})
+        cuts = sorted({0, len(self), *(row for row, _ in self.holes()), *starts.tolist()})
         for first, last in pairwise(cuts):
             yield self._cut(first, last)
 

@@ -48,7 +48,7 @@ class Recorder:
     ) -> None:
         self.path, self.piece_s = Path(path), piece_s
         try:
-            self._file = self.path.open("xb")
+            self._file = self.path.open("x+b")
         except FileExistsError:
             raise UserError(f"{path} is there already.", "Give another name.") from None
         except OSError as error:
@@ -85,12 +85,13 @@ class Recorder:
 
     def _give_up(self, error: OSError) -> None:
         self.closed = True
-        # What is still in the buffer must not come behind the last complete piece.
-        nowhere = os.open(os.devnull, os.O_WRONLY)
+        # What is still in the buffer must not come behind the last complete piece; and by now
+        # another file may have this one's name.
+        own, nowhere = os.dup(self._file.fileno()), os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._file.fileno())
         os.close(nowhere)
         self._file.close()
-        with contextlib.suppress(OSError), self.path.open("r+b", buffering=0) as file:
+        with contextlib.suppress(OSError), os.fdopen(own, "r+b", buffering=0) as file:
             file.truncate(self._good_bytes)
             file.seek(self._mark_at)
             at = file.read(200).find(OPEN.encode())
@@ -102,6 +103,7 @@ class Recorder:
             self.path.unlink(missing_ok=True)
         full = "the disk is full" if error.errno in FULL else error.strerror or str(error)
         kept = f"The {self._good_bytes} bytes written before are kept and can be read."
+        kept = kept if error.errno != errno.ENOENT else "Nothing of it is left: record again."
         fix = kept if self._channels else "Make room, or give another folder."
         self._ended = f"{self.path}: recording ended, {full}.", fix  # for who comes later, too
         raise UserError(*self._ended) from None
@@ -180,6 +182,8 @@ class Recorder:
         self._writer._Writer__finalize_chunk()
         self._file.flush()
         os.fsync(self._file.fileno())
+        if not os.fstat(self._file.fileno()).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, "the file was deleted")
         self._good_bytes = self._file.tell()
         self._synced_s = time.monotonic()
 
