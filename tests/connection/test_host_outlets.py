@@ -28,6 +28,8 @@ def test_values_by_name_and_rate_are_recorded_bit_for_bit(device, tmp_path):
     named = device.listen_named(["tau_Nm", "u_Nm", "limits_status", "sense.count_motor"], 100)
     assert named == ["chosen"]
     path = tmp_path / "a.mcap"
+    with pytest.raises(UserError, match="no stream 'tau_Nm'"):
+        device.record(path, ["tau_Nm"])  # which begins no file
     with device.record(path, [*named, "sense_in", "sense_out"]):
         device.advance(0.5)
     with esea_host.open_log(path) as log:

@@ -262,26 +262,29 @@ class ConnectedDevice:
         rate_Hz : float, optional
             Default: every run.
         """
-        named = {s.layout.name for s in self.receiver.named.values()}  # they are told already
-        chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
-        names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
-        every_ticks = {t.name: t.every for t in self.identity.device.system.tasks}
+        chosen, names = self._told_streams(streams)
+        system = self.identity.device.system
         for stream in chosen:
-            if stream not in names:
-                raise UserError(f"There is no stream '{stream}'.", f"There is {', '.join(names)}.")
             message = self._dialect.mavlink_map[names[stream]].msgname
-            interval_us = 1.0 if rate_Hz is None else 1e6 / rate_Hz
-            if stream == KEY:
-                interval_us = KEY_US
+            interval_us = KEY_US if stream == KEY else 1e6 / rate_Hz if rate_Hz else 1.0
             self.receiver.clock.expect(stream, 0)
             with self._ask():
                 self.session.tell(message, interval_us)
             if stream != KEY:
-                every = every_ticks[stream.rpartition("_")[0]]
+                every = system.task(stream.rpartition("_")[0]).every
                 runs = -(int(interval_us) // self.identity.tick_us // -every)
                 self.receiver.clock.expect(stream, max(1, runs) * every)
             self._told[message] = interval_us
         return chosen
+
+    def _told_streams(self, streams: Collection[str] | None) -> tuple[list[str], dict[str, int]]:
+        # Those that the board does not tell already, and the message of each stream.
+        named = {s.layout.name for s in self.receiver.named.values()}
+        chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
+        names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
+        if unknown := [s for s in chosen if s not in names]:
+            raise UserError(f"There is no stream '{unknown[0]}'.", f"There is {', '.join(names)}.")
+        return chosen, names
 
     def listen_named(
         self, signals: Iterable[str], rate_Hz: float = 0.0, name: str = "chosen"
@@ -481,6 +484,7 @@ class ConnectedDevice:
         compress : bool
             With zstandard.
         """
+        self._told_streams(streams)  # a wrong name begins no file
         attachments = self.identity.attachments()
         with uninterrupted():  # what has begun is closed with this connection
             recorder = Recorder(Path(path), attachments, compress)
