@@ -6,6 +6,7 @@ Completion and help must answer at once, and the imports of the commands take se
 from __future__ import annotations
 
 import ast
+import os
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
@@ -17,6 +18,7 @@ from typing import Any, ClassVar, get_args, get_type_hints
 import typer
 from typer.core import TyperGroup
 
+from esea_gen.errors import UserError
 from esea_gen.typed import refuse_unplain_number
 
 
@@ -94,7 +96,7 @@ def _command(package: str, name: str, homes: str) -> Any:
             alone.registered_commands.append(c)
     alone.registered_groups += [g for g in known.registered_groups if g.name == name]
     group: Any = typer.main.get_command(alone)
-    return _with_checked_numbers(group.commands[name])
+    return _with_checks(group.commands[name])
 
 
 _REGISTERED: defaultdict[str, typer.Typer] = defaultdict(typer.Typer)
@@ -110,16 +112,35 @@ def registered(package: str) -> typer.Typer:
 
 
 # typer takes 1_0 for ten, full-width digits and inf.
-def _with_checked_numbers(command: Any) -> Any:
+def _with_checks(command: Any) -> Any:
     hints = get_type_hints(command.callback) if command.callback else {}
     for param in command.params:
         hint = hints.get(param.name)
         kinds = {hint, *get_args(hint), *(x for a in get_args(hint) for x in get_args(a))}
         if kinds & {int, float}:
             param.process_value = partial(_checked, param, int in kinds, param.process_value)
+    command.invoke = partial(_apart, command, command.invoke)
     for below in getattr(command, "commands", {}).values():
-        _with_checked_numbers(below)
+        _with_checks(below)
     return command
+
+
+def _apart(command: Any, then: Callable[..., Any], ctx: Any) -> Any:
+    # No result takes the place of a file that another word of the command names.
+    files: dict[str, Any] = {}
+    for param in command.params:
+        given = ctx.params.get(param.name)
+        for x in given if isinstance(given, list | tuple) else [given]:
+            if isinstance(x, Path) or (isinstance(x, str) and os.path.isfile(x)):
+                other = files.setdefault(os.path.realpath(x), param)
+                if other is not param and (_written(param) or _written(other)):
+                    both = " and ".join(p.opts[0] for p in (other, param))
+                    raise UserError(f"{x} is named twice: {both}.", "Give another file to write.")
+    return then(ctx)
+
+
+def _written(param: Any) -> bool:
+    return getattr(param.callback, "__name__", "").startswith("writable")
 
 
 def _checked(param: Any, whole: bool, then: Callable[..., Any], ctx: Any, value: Any) -> Any:

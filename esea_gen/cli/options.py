@@ -175,7 +175,7 @@ ClusterOption = Annotated[
 ]
 
 
-def _picture_file(figure: Path | None) -> Path | None:
+def writable_picture(figure: Path | None) -> Path | None:
     if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
     return writable(figure)
@@ -183,7 +183,7 @@ def _picture_file(figure: Path | None) -> Path | None:
 
 FigureOption = Annotated[
     Path | None,
-    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=_picture_file),
+    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=writable_picture),
 ]
 
 
