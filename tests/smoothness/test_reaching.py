@@ -37,7 +37,9 @@ PUBLISHED = {
 def imported(source, target):
     report = import_table(source, read_mapping(MAPPING), target)
     with open_log(target) as log:
-        return report, reaches(log["reach"])
+        found, left_out = reaches(log["reach"])
+    assert bool(found) != bool(left_out)
+    return report, found or left_out
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
@@ -99,6 +101,23 @@ def test_a_stay_that_is_too_short_or_too_late_is_none(tmp_path, at, inside):
     assert x.sse is None
 
 
+@pytest.mark.parametrize(
+    ("start", "count", "last", "why"),
+    [
+        (0, 20, "nan 0 420", "a position is missing"),
+        (0, 20, "0 0 400", "its times do not rise"),
+        (0, 20, "0 0 1400", "1.00 s without a sample"),
+        (0, 8, "0 0 180", "9 samples, and 10 are needed"),
+        (500, 20, "0 0 420", "it begins on its target"),
+    ],
+)
+def test_a_reach_that_cannot_be_measured_is_left_out_and_told(tmp_path, start, count, last, why):
+    path = made(tmp_path / "a.dat", np.full(count, start), np.zeros(count))
+    path.write_text(f"{path.read_text()}{last} 500 0 20 0\n")
+    _, (told,) = imported(path, tmp_path / "a.mcap")
+    assert told.endswith(why)
+
+
 def test_the_command_tells_each_recording_and_refuses_what_has_no_reach(tmp_path):
     for name in PUBLISHED:
         imported(DATA / f"{name}.dat", tmp_path / f"{name}.mcap")
@@ -107,7 +126,9 @@ def test_the_command_tells_each_recording_and_refuses_what_has_no_reach(tmp_path
     done = CliRunner().invoke(app, ["analyse", "reaches", *files, "--json", str(to)])
     assert done.exit_code == 0, done.output
     told = json.loads(to.read_text())
-    assert [len(x["reaches"]) for x in told["files"].values()] == [4, 3]
+    assert [(k, len(x["reaches"])) for k, x in told["files"].items()] == list(
+        zip(files, (4, 3), strict=True)
+    )
     lines = (DATA / "cp01-1.dat").read_text().splitlines()[:5]
     (tmp_path / "cut.dat").write_text("\n".join(lines) + "\n")
     with pytest.raises(UserError, match="Not one target changes"):

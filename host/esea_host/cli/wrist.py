@@ -224,7 +224,7 @@ def shown_wrist(
         import pandas as pd
 
         rows = [
-            {"table": t, "participant": c, "metric": k, "value": x}
+            {"table": t, "participant": c, "metric": k, "value": x, "simulated": result.simulated}
             for t, people in result.people.items()
             for c, values in people.items()
             for k, x in values.items()
@@ -244,17 +244,20 @@ def analyse_reaches(
     from esea_host.wrist.figures import number
     from esea_host.wrist.reaching import reaches, summary
 
-    found = {}
+    content, rows = {}, []
     for path in files:
         with open_log(path) as log:
             warn_unless_complete(path, log.integrity)
-            found[path.name] = reaches(log[stream])
-    rows = []
-    for name, each in found.items():
+            each, left_out = reaches(log[stream])
+            simulated = bool(log.facts.get("simulated"))
+        say(f"{path}: left out: {why}" for why in left_out)
         x = summary(each)
         beyond = None if x["beyond"] is None else 100 * x["beyond"]
         values = (x["reach_s"], x["sse"], beyond, x["sparc"], x["submovements"])
+        name = f"{path}{', SIMULATED' if simulated else ''}"
         rows.append((name, str(x["reaches"]), str(x["achieved"]), *map(number, values)))
+        about = {"simulated": simulated, "left_out": left_out}
+        content[str(path)] = {"summary": x, "reaches": each} | about
     heads = ("file", "reaches", "held", "until, s", "SSE", "beyond, %", "SPARC", "parts")
     _print_table("Reaching to fixed targets; medians", heads, rows)
     out.print(
@@ -262,5 +265,4 @@ def analyse_reaches(
         "squared error over the squared distance, 100 a second; beyond: past the target, of the "
         "distance."
     )
-    content = {k: {"summary": summary(v), "reaches": v} for k, v in found.items()}
     write_json(to_json, "host-reaches", {"files": content})

@@ -44,8 +44,8 @@ class ScreenReach:
     submovements: float | None
 
 
-def reaches(table: Table) -> tuple[ScreenReach, ...]:
-    """Every reach of a recording, from the first change of target on."""
+def reaches(table: Table) -> tuple[tuple[ScreenReach, ...], tuple[str, ...]]:
+    """Every reach from the first change of target on, and why some are left out."""
     missing = [c for c in COLUMNS if c not in table.names]
     if missing:
         raise UserError(
@@ -57,14 +57,29 @@ def reaches(table: Table) -> tuple[ScreenReach, ...]:
     new = np.flatnonzero((np.diff(target_x) != 0) | (np.diff(target_y) != 0)) + 1
     if not len(new):
         raise UserError("Not one target changes in it.", "It has to hold a reach at least.")
-    found = []
+    found, left_out = [], []
     for first, last in zip(new, [*new[1:], len(x)], strict=True):
-        if last - first < LEAST_SAMPLES:
-            continue
         part = slice(int(first), int(last))
-        aim = np.array([target_x[first], target_y[first]])
-        found.append(_reach(time_s[part], np.column_stack([x, y])[part], aim, inside[part] > 0.5))
-    return tuple(found)
+        aim, at = np.array([target_x[first], target_y[first]]), np.column_stack([x, y])[part]
+        if why := _unmeasured(time_s[part], at, aim):
+            left_out.append(f"reach from {time_s[first]:.2f} s: {why}")
+        else:
+            found.append(_reach(time_s[part], at, aim, inside[part] > 0.5))
+    return tuple(found), tuple(left_out)
+
+
+def _unmeasured(time_s: Array, at: Array, aim: Array) -> str:
+    # Why a reach has no measures; empty where it has.
+    steps = np.diff(time_s)
+    if len(at) < LEAST_SAMPLES:
+        return f"{len(at)} samples, and {LEAST_SAMPLES} are needed"
+    if not np.isfinite([*at, aim]).all():
+        return "a position is missing"
+    if steps.min() <= 0:
+        return "its times do not rise"
+    if steps.max() >= HOLD_S:
+        return f"{steps.max():.2f} s without a sample"
+    return "it begins on its target" if (at[0] == aim).all() else ""
 
 
 def _reach(time_s: Array, at: Array, aim: Array, inside: npt.NDArray[np.bool_]) -> ScreenReach:
