@@ -74,8 +74,8 @@ def read_record(device: Device, data: bytes) -> BlackboxRecord:
     )
 
 
-def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
-    """A table of records: a tick a line."""
+def blackbox_csv(records: Sequence[BlackboxRecord], simulated: bool = False) -> str:
+    """A table of records: a tick a line; whether simulated in every one."""
     lines: list[str] = []
     for r in records:
         values: dict[str, object] = {
@@ -90,7 +90,7 @@ def blackbox_csv(records: Sequence[BlackboxRecord]) -> str:
             parts = value if isinstance(value, tuple) else (value,)
             names = [f"{name}[{i}]" for i in range(len(parts))] if len(parts) > 1 else [name]
             values |= dict(zip(names, parts, strict=True))
-        values |= r.measured
+        values |= r.measured | ({"simulated": 1} if simulated else {})
         if not lines:
             lines.append(",".join(values))
         lines.append(",".join(str(v) for v in values.values()))

@@ -303,7 +303,9 @@ def test_a_stranger_reads_it_and_does_not_release_it(frozen, tmp_path):
 
 @pytest.fixture
 def run(board, drive, monkeypatch):
-    stand_in = SimpleNamespace(session=board, identity=SimpleNamespace(device=drive))
+    stand_in = SimpleNamespace(
+        session=board, identity=SimpleNamespace(device=drive), simulated=True
+    )
     monkeypatch.setattr(commands, "open_device", lambda *_: nullcontext(stand_in))
     return lambda *asked: CliRunner().invoke(app, [*asked])
 
@@ -328,4 +330,5 @@ def test_the_commands_show_and_name_and_read(run, board, tmp_path):
     done = run("blackbox", "sim:elbow_drive", "--out", str(table), "--release")
     assert "frozen by fault 13" in done.output
     assert table.read_text().startswith("tick,state,fault,on,stop_held,u_Nm,limits_fault,mode,")
+    assert table.read_text().endswith(",1\n")  # simulated
     assert board.lib.sim_blackbox_count() == 0

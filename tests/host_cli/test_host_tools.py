@@ -252,12 +252,18 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
         table = str(tmp_path / f"own.{kind}")
         said("export", log, table, "--to", kind)
         told.append(said("smoothness", table).partition("SIMULATED: ")[2])
-        assert "SIMULATED" in said("analyse", "loading", table)
+        assert "SIMULATED" in said("analyse", "loading", table, "--json", str(tmp_path / "l"))
+        assert json.loads((tmp_path / "l").read_text())["simulated"]
+        angle = "theta_rad [rad]" if kind == "csv" else "theta_rad"
+        chosen = f"[time]\nperiod_s = 1e-3\n[[columns]]\nsource = '{angle}'\nname = 'x'"
+        again = tmp_path / f"{kind}.mcap"
+        import_table(tmp_path / f"own.{kind}", mapping(tmp_path, chosen), again)
+        assert "(simulated own." in said("show", str(again))
     assert told[0] == told[1]
     assert "theta_load_rad [rad] over time_s [s]" in told[0]
     assert "s at 1000 Hz" in told[0]
     first = said("replay", log, "--speed", "0").split("} {")[0] + "}"
-    assert json.loads(first)["sequence"] == 0
+    assert json.loads(first).items() > {"sequence": 0, "simulated": True}.items()
     for words in (("view", log), ("monitor", f"file:{log}", "--device", "elbow_drive")):
         assert "esea-host replay" in said(*words, code=2)
     assert "rows" in said("export", log, str(tmp_path / "a.csv"))

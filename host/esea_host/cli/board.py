@@ -116,11 +116,13 @@ def blackbox(
             )
         named = board.identity.device
         records = [None if r is None else read_record(named, r) for r in found.records]
-        write_whole(target, blackbox_csv([r for r in records if r is not None]))
+        sound = [r for r in records if r is not None]
+        write_whole(target, blackbox_csv(sound, board.simulated))
         if release:
             release_blackbox(board.session)
     corrupt = sum(r is None for r in records)
     why = f"fault {found.fault}" if found.fault else "a reset while the motor was on"
+    why += " (simulated)" if board.simulated else ""
     out.print(f"{target}: {len(records) - corrupt} ticks up to {found.tick}, frozen by {why}")
     if corrupt:
         out.print(f"{corrupt} records were corrupt and are left out")

@@ -65,7 +65,7 @@ def effects_figure(found: InteractionAnalysis) -> Figure:
     return figure
 
 
-def loading_figure(theta_rad: Array, tau_Nm: Array, curve: LoadingCurve) -> Figure:
+def loading_figure(theta_rad: Array, tau_Nm: Array, curve: LoadingCurve, simulated: bool) -> Figure:
     """The complete record, its loading branches, and the line through them."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.4, 3.6), layout="constrained")
@@ -81,7 +81,7 @@ def loading_figure(theta_rad: Array, tau_Nm: Array, curve: LoadingCurve) -> Figu
         axes.plot(x, curve.line_Nm(np.deg2rad(x)), color=BOUND, linewidth=1.2, label=text)
         axes.set_xlabel("deflection, deg")
         axes.set_ylabel("torque, Nm")
-        axes.legend()
+        axes.legend(title="SIMULATED" if simulated else None)
     return figure
 
 

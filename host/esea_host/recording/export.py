@@ -8,7 +8,7 @@ import re
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -42,8 +42,10 @@ def _about(log: Log, table: Table) -> dict[str, Any]:
 
 
 def says_simulated(table: FileTable) -> bool:
-    """Whether an exported table has the column that says so."""
-    return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
+    """Whether an exported table has the column that says so; one in words is somebody else's."""
+    with suppress(UserError):
+        return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
+    return False
 
 
 def reported(table: FileTable) -> str:
