@@ -113,9 +113,7 @@ class BrowserView:
         newest = max(last, math.floor(now_s / self._bin_s) - LATE_BINS)
         first = max(last + 1, newest + 1 - round(KEPT_S / self._bin_s), 0)
         count = newest + 1 - first
-        back_s = max(now_s - first * self._bin_s, LIT_S)
-        rows = {n: r.last(int(back_s / feed.period_s[n]) + 2) for n, r in feed.rings.items()}
-        lit = {n: s.between(now_s - LIT_S, now_s) for n, s in rows.items()}
+        rows, lit = feed.latest(now_s - first * self._bin_s), feed.latest(LIT_S)
         acting = [] if feed.silent else self._flags
         word, _, rest = feed.news.state.partition(": ")
         told = {

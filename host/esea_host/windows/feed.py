@@ -258,6 +258,12 @@ class LiveFeed:
         newest = (ring.last(1).time_s for ring in self.rings.values())
         return max((float(t[0]) for t in newest if len(t)), default=0.0)
 
+    def latest(self, span_s: float) -> dict[str, Stretch]:
+        """Rows of the last so many seconds, whatever a picture shows."""
+        now_s = self.now_s()
+        rows = {n: r.last(int(span_s / self.period_s[n]) + 2) for n, r in self.rings.items()}
+        return {n: s.between(now_s - span_s, now_s) for n, s in rows.items()}
+
     def _take(self) -> None:
         try:
             while not self._closed.is_set():

@@ -42,6 +42,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_host.windows.bar import BoardBar, StepButton
 from esea_host.windows.feed import LiveFeed, board_alarms
@@ -80,7 +81,9 @@ def qt_application(dark: bool | None = None) -> bool:
 
 def save_picture(window: QWidget, path: Path) -> None:
     with written_whole(path) as scratch:
-        window.grab().save(str(scratch))
+        if not window.grab().save(str(scratch)):
+            what = f"{path}: the picture cannot be written."
+            raise UserError(what, "Make room, or end its name in .png.")
 
 
 def fit_to_screen(window: QWidget, width: int, height: int) -> None:
@@ -103,9 +106,17 @@ def run_until_closed(
     window.show()
     if seconds is not None:
         QTimer.singleShot(int(seconds * 1000), window.close)
+    failed: list[Exception] = []
+
+    def picture(path: Path) -> None:
+        try:
+            save_picture(window, path)
+        except UserError as error:  # Qt would only print it
+            failed.append(error)
+
     if screenshot is not None:
         before_ms = max(0, int((seconds or PICTURE_S) * 1000) - PICTURE_BEFORE_MS)
-        QTimer.singleShot(before_ms, partial(save_picture, window, screenshot))
+        QTimer.singleShot(before_ms, partial(picture, screenshot))
     # What is there by now stays: to search it for garbage took 0.1 s, six frames of a participant.
     gc.collect()
     gc.freeze()
@@ -116,6 +127,8 @@ def run_until_closed(
     finally:
         signal.signal(signal.SIGINT, before)
         gc.unfreeze()
+    for error in failed:
+        raise error
 
 
 def called(job: Job) -> Callable[..., None]:

@@ -263,7 +263,7 @@ class LiveWindow(StopWindow):
             self.spectrum.draw(shown)
         if self.cursors.on:
             self.cursors.read(shown)
-        self._tell(shown)
+        self._tell()
         for area in (self.area, self._loop_area):
             if area.isVisible():
                 # Ranges now: in the middle of a painting they ask for another one.
@@ -279,7 +279,7 @@ class LiveWindow(StopWindow):
             return left_s, right_s
         return self.trigger.shown_s(self.window_s)
 
-    def _tell(self, shown: dict[str, Stretch]) -> None:
+    def _tell(self) -> None:
         recording = self.feed.recording
         ended = [] if recording is None or recording.error is None else [str(recording.error)]
         self.tell_board(self.feed, [f"RECORDING ENDED: {error}" for error in ended])
@@ -293,8 +293,7 @@ class LiveWindow(StopWindow):
             told.append(f"recording: {recording.rows} rows, {recording.gaps} gaps")
         told += ["PAUSED (P)" if self.paused else "", self.trigger.said()]
         self.bar.who.setText("  |  ".join(filter(None, told)))
-        since_s = max((float(s.time_s[-1]) for s in shown.values() if len(s.time_s)), default=0.0)
-        newest = {n: s.between(since_s - LIT_S, since_s) for n, s in shown.items()}
+        newest = self.feed.latest(LIT_S)  # also while the picture stands still
         acts = () if self.feed.silent else self.bands.acting(newest)
         acting = {f.name: f.meaning for f in acts if f.name != MOTOR_OFF} | self.feed.unzeroed
         self.bar.indicators.light(acting, self.theme)

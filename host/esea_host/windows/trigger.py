@@ -103,12 +103,16 @@ class TriggerBar(QWidget):
     def offer(self, signals: list[ShownSignal]) -> None:
         """Signals to choose from; the chosen one stays where it still is there."""
         self._signals, before = signals, self.source.currentText()
+        place = max(0, self.source.currentIndex())
         self.source.blockSignals(True)
         self.source.clear()
         self.source.addItems([s.name for s in signals])
-        self.source.setCurrentIndex(max(0, self.source.findText(before)))
+        found = self.source.findText(before)
+        self.source.setCurrentIndex(min(place, len(signals) - 1) if found < 0 else found)
         self.source.blockSignals(False)
         self._unit()
+        if found < 0:  # another axis' in its place
+            self.apply()
 
     def _unit(self, *_: object) -> None:
         self.level.setSuffix(f" {self.signal.unit}")
