@@ -13,6 +13,7 @@ from esea_gen.errors import UserError
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
 from esea_host.connection.receiver import Batch
 from esea_host.recording.clock import clock_fit
+from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
 from esea_host.simulated import LockstepDevice
@@ -114,11 +115,13 @@ LATE_MS = {
 
 
 def fitted(path, steps_ms, late_ms, drift=20e-6):
-    """The fit of pairs a second apart; steps of the wall clock by time."""
+    """The fit of pairs a second apart; steps of the wall clock by time; a link that breaks."""
     at_s = np.arange(len(late_ms))
+    late_ms = late_ms + 700 * (at_s > 1800)
     wall_ns = sum(round(ms * 1e6) * (at_s >= s) for s, ms in steps_ms.items()) + 0 * at_s
     host_ns = np.rint(at_s * (1 + drift) * 1e9 + late_ms * 1e6).astype(np.int64) + 1_795 * 10**15
     with Recorder(path) as recorder:
+        recorder.gap(Gap("sense_out", 1, 2, -1, "disconnected", 1800 * 10**9))
         for host, wall, s in zip(host_ns.tolist(), wall_ns.tolist(), at_s.tolist(), strict=True):
             event = {"host_ns": host, "board_ns": s * 10**9, "wall_ahead_ns": wall}
             recorder.event("clock", event)

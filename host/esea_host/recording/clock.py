@@ -47,7 +47,7 @@ class ClockFit:
     drift_ppm: float  # above 0 the host counts more seconds than the board; its 95 % interval
     low_ppm: float
     high_ppm: float
-    offset_ns: int  # of the quickest arrivals, at the recording's beginning
+    offset_ns: int  # of the quickest arrivals, at the beginning of what is fitted
     late_p50_ms: float  # by how much arrivals are later than the quickest
     late_p99_ms: float
     pairs: int
@@ -80,11 +80,21 @@ def clock_fit(log: Log) -> ClockFit | None:
     pairs = np.array([x for x in told if all(map(_is_count, x))], np.int64).reshape(-1, 3)
     if len(pairs) < FEWEST:
         return None
-    host_ns, board_ns, wall_ns = pairs.T
+    # Steps are read off: the wall clock against the monotonic one, both of the host.
+    begin_ns, moved_ns = int(pairs[0, 1]), np.diff(pairs[:, 2])
+    most_ns = READING_NS + 1e-6 * SLEW_PPM * np.abs(np.diff(pairs[:, 1]))
+    steps = tuple(
+        ClockStep((int(pairs[i + 1, 1]) - begin_ns) * 1e-9, float(moved_ns[i]) * 1e-6)
+        for i in np.flatnonzero(np.abs(moved_ns) > most_ns)
+    )
+    # How long a board was away that started again, nobody knows: the longest part without that.
+    breaks = sorted(g.board_ns for g in log.recorded_gaps if g.reason == "disconnected")
+    part = np.searchsorted(breaks, pairs[:, 1])
+    host_ns, board_ns, _ = pairs[part == np.bincount(part).argmax()].T
     # In whole numbers: nanoseconds since 1970 are more than a double holds.
     ahead_ns = (host_ns - host_ns[0] - (board_ns - board_ns[0])).astype(float)
     at_s = (board_ns - board_ns[0]) * 1e-9
-    if at_s[-1] < SHORTEST_S:
+    if len(at_s) < FEWEST or at_s[-1] < SHORTEST_S:
         return None
     few = _quickest(at_s, ahead_ns)
     slope, _, low, high = scipy.stats.theilslopes(ahead_ns[few], at_s[few], 0.95)
@@ -92,16 +102,9 @@ def clock_fit(log: Log) -> ClockFit | None:
     p50, p99 = np.percentile((late_ns - late_ns.min()) * 1e-6, [50, 99]).tolist()
     offset_ns = int(host_ns[0]) - int(board_ns[0]) + round(float(late_ns.min()))
     drift_ppm, low_ppm, high_ppm = (float(x) * 1e-3 for x in (slope, low, high))  # from ns a second
-    # Steps are read off: the wall clock against the monotonic one, both of the host.
-    moved_ns = np.diff(wall_ns)
-    most_ns = READING_NS + 1e3 * SLEW_PPM * np.abs(np.diff(at_s))
-    steps = tuple(
-        ClockStep(float(at_s[i + 1]), float(moved_ns[i]) * 1e-6)
-        for i in np.flatnonzero(np.abs(moved_ns) > most_ns)
-    )
     malformed = len(written) - len(pairs)
     fitted = drift_ppm, low_ppm, high_ppm, offset_ns, p50, p99
-    return ClockFit(*fitted, len(pairs), steps, malformed)
+    return ClockFit(*fitted, len(at_s), steps, malformed)
 
 
 def _is_count(value: Any) -> bool:

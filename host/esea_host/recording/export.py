@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole, plain, write_whole
 from esea_gen.tables import FileTable
+from esea_gen.toml_file import read_text
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
 
@@ -136,7 +138,10 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     for what, label in (("subject", subject), ("task", task)):
         if not _LABEL.fullmatch(label):
             raise UserError(f"The {what} '{label}' is not a BIDS label.", "Use letters and digits.")
-    table = longest(log[stream])
+    whole = log[stream]
+    table = longest(whole)
+    if left_out := len(whole) - len(table):
+        print(f"{folder}: {left_out} rows of other runs of the board left out", file=sys.stderr)
     track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"
     place = folder / f"sub-{subject}" / "motion"
@@ -187,15 +192,12 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
 
 
 def longest(table: Table) -> Table:
-    """The table, in one piece; refused when a gap is in it."""
-    parts = list(table.pieces())
-    if not parts:
+    """The longest run of the board, in one piece; refused when a gap is in it."""
+    starts = np.flatnonzero(np.diff(table.tick.astype(np.int64)) <= 0) + 1
+    first, end = max(pairwise([0, *starts, len(table)]), key=lambda p: p[1] - p[0])
+    if end == 0:
         raise UserError(f"{table.layout.name} has no rows.", "Record for longer.")
-    last = parts[-1]
-    end_s = float(last.time_s[-1]) + 1e-9
-    starts = np.flatnonzero(np.diff(table.tick.astype(np.int64)) <= 0)
-    first = int(starts[-1]) + 1 if len(starts) else 0
-    return table.between(float(table.time_s[first]), end_s)
+    return table.between(float(table.time_s[first]), float(table.time_s[end - 1]) + 1e-9)
 
 
 def _data_set(folder: Path, subject: str) -> None:
@@ -211,7 +213,7 @@ def _data_set(folder: Path, subject: str) -> None:
         }
         write_whole(about, json.dumps(content, indent=2) + "\n")
     people = folder / "participants.tsv"
-    known = people.read_text(encoding="utf-8").splitlines() if people.exists() else []
+    known = read_text(people, "Save it as UTF-8.").splitlines() if people.exists() else []
     known = known or ["participant_id"]
     if f"sub-{subject}" not in (line.partition("\t")[0] for line in known):
         empty = "\tn/a" * known[0].count("\t")
