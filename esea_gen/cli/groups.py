@@ -127,20 +127,17 @@ def _with_checks(command: Any) -> Any:
 
 def _apart(command: Any, then: Callable[..., Any], ctx: Any) -> Any:
     # No result takes the place of a file that another word of the command names.
-    files: dict[str, Any] = {}
+    named: dict[str, Any] = {}
     for param in command.params:
         given = ctx.params.get(param.name)
         for x in given if isinstance(given, list | tuple) else [given]:
             if isinstance(x, Path) or (isinstance(x, str) and os.path.isfile(x)):
-                other = files.setdefault(os.path.realpath(x), param)
-                if other is not param and (_written(param) or _written(other)):
-                    both = " and ".join(p.opts[0] for p in (other, param))
-                    raise UserError(f"{x} is named twice: {both}.", "Give another file to write.")
+                both = named.setdefault(os.path.realpath(x), param), param
+                writes = [getattr(p.callback, "__name__", "").startswith("writ") for p in both]
+                if both[0] is not param and any(writes):
+                    said = " and ".join(p.opts[0] for p in both)
+                    raise UserError(f"{x} is named twice: {said}.", "Give another file to write.")
     return then(ctx)
-
-
-def _written(param: Any) -> bool:
-    return getattr(param.callback, "__name__", "").startswith("writable")
 
 
 def _checked(param: Any, whole: bool, then: Callable[..., Any], ctx: Any, value: Any) -> Any:

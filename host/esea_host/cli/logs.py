@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from esea_gen.cli.options import option, writable
-from esea_gen.errors import UserError
+from esea_gen.errors import choose
 from esea_gen.link.received import shown
 from esea_host.cli.app import app, out
 from esea_host.cli.options import CloseAfterOption, LogArgument, OneStreamOption, ScreenshotOption
@@ -122,16 +122,15 @@ def export(
     """Export a stream to other programs; units are in the header, gaps stay gaps."""
     from esea_host.recording.export import to_bids, to_csv, to_parquet
 
+    choose("format", to, FORMATS)
     with open_log(path) as log:
         warn_unless_complete(path, log.integrity)
         stream = stream or log.first_output
         if to == "bids":
             out.print(f"{to_bids(log, target, subject, task, stream)}")
-        elif to in FORMATS:
+        else:
             write = to_csv if to == "csv" else to_parquet
             out.print(f"{target}: {write(log, stream, target)} rows")
-        else:
-            raise UserError(f"There is no format '{to}'.", f"Choose from {', '.join(FORMATS)}.")
 
 
 @app.command(name="import")

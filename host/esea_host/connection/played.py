@@ -96,10 +96,8 @@ class PlayedBoard(ConnectedDevice):
                 self._halt.wait(STEP_S)
                 started_s += time.monotonic() - before_s
             wait_s = at_s / self.speed - (time.monotonic() - started_s)
-            if wait_s > LONGEST_S:  # a clock that jumps
-                started_s -= wait_s - LONGEST_S
-                wait_s = LONGEST_S
-            if self._halt.wait(max(0.0, wait_s)):
+            started_s -= max(0.0, wait_s - LONGEST_S)  # a clock that jumps
+            if self._halt.wait(min(max(0.0, wait_s), LONGEST_S)):
                 return
             for batch in batches:
                 self.receiver.hand_out(batch)

@@ -72,17 +72,9 @@ def longest_run(table: FileTable) -> FileTable:
 
 
 def _columns(table: Table, simulated: bool = False) -> list[tuple[str, str, Array]]:
-    # Name, unit and values; a vector's elements by themselves; whether simulated in every row.
-    found: list[tuple[str, str, Array]] = [("time_s", "s", table.time_s)]
-    for c in table.layout.columns:
-        values = table[c.name]
-        if c.size == 1:
-            found.append((c.name, c.unit, values))
-        else:
-            found += [(f"{c.name}[{i}]", c.unit, values[:, i]) for i in range(c.size)]
-    if simulated:
-        found.append((SIMULATED, "1", np.ones(len(table), np.uint8)))
-    return found
+    # With the time before them; whether simulated in every row.
+    marks = [(SIMULATED, "1", np.ones(len(table), np.uint8))] if simulated else []
+    return [("time_s", "s", table.time_s), *table.flat(), *marks]
 
 
 def to_csv(log: Log, stream: str, path: Path) -> int:
@@ -236,11 +228,8 @@ def play(log: Log, stream: str, speed: float) -> Iterator[str]:
     for i, (at_s, *values) in enumerate(zip(table.time_s.tolist(), *columns, strict=True)):
         yield from due[i]
         wait_s = at_s / speed - (time.monotonic() - started_s) if speed else 0.0
-        if wait_s > LONGEST_S:  # a clock that jumps
-            started_s -= wait_s - LONGEST_S
-            wait_s = LONGEST_S
-        if wait_s > 0:
-            time.sleep(wait_s)
+        started_s -= max(0.0, wait_s - LONGEST_S)  # a clock that jumps
+        time.sleep(min(max(0.0, wait_s), LONGEST_S))
         row = dict(zip(table.names, values, strict=True))
         yield json.dumps(plain({"time_s": round(at_s, 6)} | marks | row, null=True))
     yield from due[len(table)]

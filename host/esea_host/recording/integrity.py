@@ -108,9 +108,8 @@ class Gap:
         found = {f.name: content.get(f.name, f.default) for f in fields(cls)}
         texts = [found["stream"], found["reason"]]
         numbers = [found[n] for n in ("after_tick", "before_tick", "missing", "board_ns")]
-        if any(type(t) is not str for t in texts) or any(type(n) is not int for n in numbers):
-            return None
-        if any(abs(n) >= 1 << 63 for n in numbers):
+        whole = (type(n) is int and abs(n) < 1 << 63 for n in numbers)
+        if any(type(t) is not str for t in texts) or not all(whole):
             return None
         return cls(**found | {"stream": shown(texts[0]), "reason": shown(texts[1])})
 

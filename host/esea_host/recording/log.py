@@ -26,7 +26,6 @@ TICK = "sequence"
 FACTS: dict[str, type] = dict.fromkeys(("device", "content_hash", "real", "board"), str)
 FACTS |= {"simulated": bool, "tick_us": int}
 MOST_TICK_US = 1_000_000
-MOST_EVENTS = 500_000
 
 
 @dataclass(eq=False)
@@ -94,17 +93,19 @@ class Table:
         """
         import pandas as pd
 
-        columns: dict[str, Array] = {}
-        for c in self.layout.columns:
-            if c.size == 1:
-                columns[c.name] = self[c.name]
-            else:
-                columns |= {f"{c.name}[{i}]": self[c.name][:, i] for i in range(c.size)}
+        columns = {name: values for name, _, values in self.flat()}
         out = pd.DataFrame(columns, index=pd.Index(self.time_s, name="time_s"))
         out.attrs["units"] = self.units
         out.attrs["meanings"] = {c.name: c.meaning for c in self.layout.columns}
         out.attrs["gaps"] = [asdict(g) for g in self.gaps]
         return out
+
+    def flat(self) -> Iterator[tuple[str, str, Array]]:
+        """Name, unit and values of each column; a vector's elements by themselves."""
+        for c in self.layout.columns:
+            values = np.reshape(self[c.name], (len(self), c.size))
+            for i, element in enumerate(values.T):
+                yield f"{c.name}[{i}]" if c.size > 1 else c.name, c.unit, element
 
     def holes(self) -> list[tuple[int, Gap]]:
         """Row behind each hole, and the hole."""
@@ -221,14 +222,10 @@ class Log(LogFile):
         topic : str
             ``note``, ``gap``, ``clock`` ...
         """
-        found = []
-        for count, (ns, data) in enumerate(self.contents(topic), 1):
-            if count > MOST_EVENTS:
-                what = f"{self.path.name}: more than {MOST_EVENTS} events of {topic}."
-                raise UserError(what, "Split the recording.")
-            content = _json_object(data, f"{self.path.name}: event {count} of {topic}")
-            found.append({"log_ns": ns, **content})
-        return found
+        return [
+            {"log_ns": ns, **_json_object(data, f"{self.path.name}: event {count} of {topic}")}
+            for count, (ns, data) in enumerate(self.contents(topic), 1)
+        ]
 
     @cached_property
     def recorded_gaps(self) -> tuple[Gap, ...]:

@@ -402,10 +402,5 @@ def spans(time_s: Floats, held: Array, joined_s: float) -> list[tuple[float, flo
         return []
     starts, ends = time_s[edges[:, 0]], time_s[edges[:, 1] - 1]
     apart = starts[1:] - ends[:-1] > joined_s
-    return list(
-        zip(
-            starts[np.r_[True, apart]].tolist(),
-            np.maximum(ends, starts)[np.r_[apart, True]].tolist(),
-            strict=True,
-        )
-    )
+    firsts, lasts = starts[np.r_[True, apart]], np.maximum(ends, starts)[np.r_[apart, True]]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))

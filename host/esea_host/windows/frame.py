@@ -19,6 +19,7 @@ from PySide6.QtGui import (
     QKeyEvent,
     QKeySequence,
     QMouseEvent,
+    QPixmap,
     QShowEvent,
 )
 from PySide6.QtWidgets import (
@@ -79,9 +80,9 @@ def qt_application(dark: bool | None = None) -> bool:
     return scheme == Qt.ColorScheme.Dark if dark is None else dark
 
 
-def save_picture(window: QWidget, path: Path) -> None:
+def save_picture(picture: QPixmap, path: Path) -> None:
     with written_whole(path) as scratch:
-        if not window.grab().save(str(scratch)):
+        if not picture.save(str(scratch)):
             what = f"{path}: the picture cannot be written."
             raise UserError(what, "Make room, or end its name in .png.")
 
@@ -106,17 +107,10 @@ def run_until_closed(
     window.show()
     if seconds is not None:
         QTimer.singleShot(int(seconds * 1000), window.close)
-    failed: list[Exception] = []
-
-    def picture(path: Path) -> None:
-        try:
-            save_picture(window, path)
-        except UserError as error:  # Qt would only print it
-            failed.append(error)
-
+    taken: list[QPixmap] = []
     if screenshot is not None:
         before_ms = max(0, int((seconds or PICTURE_S) * 1000) - PICTURE_BEFORE_MS)
-        QTimer.singleShot(before_ms, partial(picture, screenshot))
+        QTimer.singleShot(before_ms, lambda: taken.append(window.grab()))
     # What is there by now stays: to search it for garbage took 0.1 s, six frames of a participant.
     gc.collect()
     gc.freeze()
@@ -127,8 +121,8 @@ def run_until_closed(
     finally:
         signal.signal(signal.SIGINT, before)
         gc.unfreeze()
-    for error in failed:
-        raise error
+    if screenshot is not None and taken:  # an error while Qt runs would only be printed
+        save_picture(taken[0], screenshot)
 
 
 def called(job: Job) -> Callable[..., None]:

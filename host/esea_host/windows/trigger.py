@@ -94,7 +94,6 @@ class TriggerBar(QWidget):
         row.setContentsMargins(4, 0, 4, 0)
         self.setLayout(row)
         self.offer(signals)
-        self.source.currentIndexChanged.connect(self._unit)
         for signal in (self.mode.currentIndexChanged, self.edge.currentIndexChanged):
             signal.connect(self.apply)
         self.source.currentIndexChanged.connect(self.apply)
@@ -110,12 +109,8 @@ class TriggerBar(QWidget):
         found = self.source.findText(before)
         self.source.setCurrentIndex(min(place, len(signals) - 1) if found < 0 else found)
         self.source.blockSignals(False)
-        self._unit()
         if found < 0:  # another axis' in its place
             self.apply()
-
-    def _unit(self, *_: object) -> None:
-        self.level.setSuffix(f" {self.signal.unit}")
 
     @property
     def signal(self) -> ShownSignal:
@@ -123,6 +118,7 @@ class TriggerBar(QWidget):
 
     def apply(self, *_: object) -> None:
         t = self.trigger
+        self.level.setSuffix(f" {self.signal.unit}")
         t.mode, t.level = self.mode.currentText() or OFF, self.level.value()
         t.rising = self.edge.currentIndex() == 0
         self.again.setEnabled(t.mode == SINGLE)

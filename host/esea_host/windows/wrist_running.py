@@ -150,7 +150,7 @@ def film_wrist(
         filmed.feed.ask()
         filmed.window.show()
         filmed.draw()
-        save_picture(filmed.window, picture)
+        save_picture(filmed.window.grab(), picture)
         say(f"{picture}: the simulated wrist's display")
     finally:
         filmed.close()
