@@ -96,16 +96,8 @@ class SimulatedProcess(SocketTransport):
     def __init__(self, place: str) -> None:
         device = place.partition("?")[0]
         words = [f"--{k}={v}" for k, v in simulated_options(place).items()]
-        command = [
-            sys.executable,
-            "-m",
-            "esea_host.simulated",
-            device,
-            "--tcp=0",
-            "--once",
-            "--hands",
-            *words,
-        ]
+        command = [sys.executable, "-m", "esea_host.simulated", device]
+        command += ["--tcp=0", "--once", "--hands", *words]
         self._process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE
         )

@@ -441,9 +441,7 @@ class ConnectedDevice:
         if len(found) != 1:
             near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
             many = "is not the name of one parameter" if found else "is not a parameter"
-            raise UserError(
-                f"'{name}' {many} of {self.identity.device.name}.", f"Name one of: {near}."
-            )
+            raise UserError(f"'{name}' {many} of {self.identity.device.name}.", f"One of: {near}.")
         return found[0]
 
     def set(self, name: str, value: float) -> float:

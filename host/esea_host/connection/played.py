@@ -48,9 +48,8 @@ class PlayedBoard(ConnectedDevice):
             )
         device, facts = device_of(log), log.facts
         words = facts.get("real", "f32"), facts["content_hash"], facts.get("board", "unknown")
-        super().__init__(
-            Identity(device, *words, round(log.tick_s * 1e6)), NobodyListens(), threaded=False
-        )
+        identity = Identity(device, *words, round(log.tick_s * 1e6))
+        super().__init__(identity, NobodyListens(), threaded=False)
         self.log, self.speed, self.ended = log, speed, False
         self.held = False  # while somebody looks
         self._halt, self._player = threading.Event(), threading.Thread(target=self._run)
@@ -74,10 +73,8 @@ class PlayedBoard(ConnectedDevice):
     def parameters(self) -> dict[str, float]:
         """Recorded values, without those that were changed meanwhile."""
         found = {k: v for told in self.log.events("parameters") for k, v in told.items()}
-        changed = {str(told.get("name")) for told in self.log.events("parameter")}
-        return {
-            k: float(v) for k, v in found.items() if k not in changed and isinstance(v, int | float)
-        }
+        new = {str(told.get("name")) for told in self.log.events("parameter")}
+        return {k: float(v) for k, v in found.items() if k not in new and type(v) in (int, float)}
 
     def play(self) -> None:
         self._player.start()

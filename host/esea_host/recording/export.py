@@ -36,11 +36,8 @@ _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
 
 
 def _about(log: Log, table: Table) -> dict[str, Any]:
-    return {
-        "facts": log.facts,
-        "integrity": log.integrity.to_dict(),
-        "gaps": [asdict(g) for g in table.gaps],
-    }
+    gaps = [asdict(g) for g in table.gaps]
+    return {"facts": log.facts, "integrity": log.integrity.to_dict(), "gaps": gaps}
 
 
 def says_simulated(table: FileTable) -> bool:
@@ -85,9 +82,8 @@ def to_csv(log: Log, stream: str, path: Path) -> int:
         new_whole(path.with_name(f"{path.name}.json")) as side,
         target.open("w", newline="", encoding="utf-8") as file,
     ):
-        side.write_text(
-            json.dumps(_about(log, table), indent=1) + "\n", encoding="utf-8", newline="\n"
-        )
+        text = json.dumps(_about(log, table), indent=1)
+        side.write_text(f"{text}\n", encoding="utf-8", newline="\n")
         writer = csv.writer(file)
         columns = _columns(table, simulated)
         writer.writerow([f"{n} [{u}]" if u and u != "1" else n for n, u, _ in columns])

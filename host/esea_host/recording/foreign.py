@@ -163,9 +163,8 @@ def _name(table: FileTable, source: str | int) -> str:
 
 def _table(source: Path, mapping: ForeignMapping) -> FileTable:
     # Rows with a time; what is no row is refused, or left out where the mapping expects it.
-    sources = [
-        s for s in (mapping.time.source, *(c.source for c in mapping.columns)) if s is not None
-    ]
+    every = mapping.time.source, *(c.source for c in mapping.columns)
+    sources = [s for s in every if s is not None]
     named = [s for s in sources if isinstance(s, str)]
     table = read_table(
         source,

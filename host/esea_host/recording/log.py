@@ -282,19 +282,8 @@ class Log(LogFile):
             raise UserError(what, f"Convert it with the tool that wrote it. {has}")
         raise UserError(f"{self.path.name} has no stream {stream}.", has)
 
-    def read(self, stream: str) -> Iterator[Array]:
-        """A stream's rows, a piece at a time: for recordings that are larger than the memory.
-
-        Parameters
-        ----------
-        stream : str
-            One of :attr:`streams`.
-        """
-        for rows, _ in self.read_timed(stream):
-            yield rows
-
     def read_timed(self, stream: str) -> Iterator[tuple[Array, Array]]:
-        """Rows and board times of every piece.
+        """Rows and board times, a piece at a time: for recordings larger than the memory.
 
         Parameters
         ----------

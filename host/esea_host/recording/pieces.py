@@ -160,9 +160,7 @@ class PieceFile:
 
     def _limit(self, count: int, most: int, what: str) -> None:
         if count > most:
-            raise UserError(
-                f"{self.path.name}: has more than {most} {what}.", "Split the recording."
-            )
+            raise UserError(f"{self.path.name}: more than {most} {what}.", "Split the recording.")
 
     def _attach(self, at: int, end: int) -> None:
         name, start, stop = records.attachment(self._map, at, end)

@@ -305,10 +305,8 @@ class _Replay:
         self, stream: str, row: Any, ns: int, name: str, recorded: Any, computed: Any
     ) -> None:
         time_s = (int(ns) - self.log.start_ns) * 1e-9
-        found = ReplayDifference(
-            stream, int(row[TICK]), time_s, name, recorded.item(), computed.item()
-        )
-        self.verdict.differences.append(found)
+        found = stream, int(row[TICK]), time_s, name, recorded.item(), computed.item()
+        self.verdict.differences.append(ReplayDifference(*found))
 
     def _compare_state(self, key: _KeyFrame) -> None:
         # A state that was begun anew, by zeroing or a parameter, is no difference.

@@ -122,9 +122,8 @@ class Recorder:
     def _declare(self, layout: StreamLayout) -> None:
         StreamLayout.from_json(layout.name, layout.to_json())  # what cannot be read is not written
         self._sync()  # so that what describes a channel stands first in its piece
-        schema = self._writer.register_schema(
-            f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
-        )
+        described = f"{PACKAGE}.{layout.name}", "protobuf", layout.descriptor()
+        schema = self._writer.register_schema(*described)
         known = {COLUMNS_KEY: layout.to_json(), "units": json.dumps(layout.units)}
         channel = self._writer.register_channel(f"/{layout.name}", "protobuf", schema, known)
         self._channels[layout.name] = channel

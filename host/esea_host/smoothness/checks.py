@@ -34,9 +34,7 @@ def checked_rate(fs_Hz: float) -> float:
     """A sampling rate, finite and above zero."""
     rate = as_number(fs_Hz)
     if not 0 < rate < math.inf:
-        raise NoAnswerError(
-            "rate", f"A sampling rate of {fs_Hz} Hz.", "Give it in Hz, more than 0."
-        )
+        raise NoAnswerError("rate", f"A sampling rate of {fs_Hz} Hz.", "Give it in Hz, above 0.")
     return rate
 
 

@@ -109,9 +109,7 @@ def _measured(
         change = given / peak
     total = np.einsum("ij,ij->i", change, change)
     if (total <= (8 * np.finfo(np.float64).eps * fs_Hz**2) ** 2 * samples).any():
-        raise NoAnswerError(
-            "constant", "The acceleration is constant.", "Its jerk is 0: leave it out."
-        )
+        raise NoAnswerError("constant", "The acceleration is constant.", "Its jerk is 0: omit it.")
     duration_s = samples / fs_Hz
     values = duration_s**5 * total if thesis else duration_s**3 * total / fs_Hz
     definition = _THESIS if thesis else _REFERENCE

@@ -120,7 +120,5 @@ def _frames(t: Array, x: Array) -> tuple[int, int, Array, Array]:
         )
     t, first, count = np.unique(t, return_index=True, return_counts=True)
     if len(t) < LEAST_SAMPLES:
-        raise NoAnswerError(
-            "short", f"{len(t)} frames: at least {LEAST_SAMPLES}.", "Record longer."
-        )
+        raise NoAnswerError("short", f"{len(t)} frames: at least {LEAST_SAMPLES}.", "Record more.")
     return missing, len(frame) - len(t), t, np.add.reduceat(x, first) / count

@@ -82,10 +82,8 @@ def _checked(
     first_treatment: Sequence[str],
     treatments: tuple[str, str],
 ) -> tuple[Array, Array, Any]:
-    one, two = (
-        numbers(first_period, "The first period"),
-        numbers(second_period, "The second period"),
-    )
+    one = numbers(first_period, "The first period")
+    two = numbers(second_period, "The second period")
     unknown = sorted({str(x) for x in first_treatment} - set(treatments))
     if unknown or treatments[0] == treatments[1]:
         raise NoStatisticError(

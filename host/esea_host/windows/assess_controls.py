@@ -183,11 +183,8 @@ class BoardPanel(QWidget):
         shown = ["–"] * 3
         if not trouble and board.rows:
             shown = [f"{now[1] / DEG:.0f}°", f"{now[2] / DEG:.0f}°/s", f"{now[3]:.1f} Nm"]
-        over = (
-            now[1] < limits.low_rad or now[1] > limits.high_rad,
-            abs(now[2]) > limits.rate_rad_s,
-            False,
-        )
+        beyond = now[1] < limits.low_rad or now[1] > limits.high_rad
+        over = beyond, abs(now[2]) > limits.rate_rad_s, False
         for label, text, alarming in zip(self.numbers, shown, over, strict=True):
             label.setText(f"<b>{text}</b>")
             restyle(label, f"color: {self.theme.alarm if alarming else self.theme.ink}")

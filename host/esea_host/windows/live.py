@@ -105,9 +105,8 @@ class LiveWindow(StopWindow):
         self.chosen = TimePlot(self.area, len(self.panels), "Chosen", "")
         self.chosen.item.setVisible(False)
         title = "Which limit acts" if self._drives else "What the sensing reports"
-        self.bands = LimitBands(
-            self.area, len(self.panels) + 1, self.columns.flags(self.axis), title
-        )
+        flags = self.columns.flags(self.axis)
+        self.bands = LimitBands(self.area, len(self.panels) + 1, flags, title)
         self._offer()
         for item in (self.bands.item, *(p.item for p in (*self.panels, self.chosen))):
             item.getAxis("left").setWidth(self.bands.axis_px())

@@ -82,9 +82,8 @@ class ConstraintKeeper(BoardOperator):
     def __init__(self, device: ConnectedDevice, arms: bool, threaded: bool = True) -> None:
         roles = board_roles(device.identity.device.system)
         self.wanted = False
-        super().__init__(
-            device, roles.drive and "constrained" in roles.wanted_names, arms, threaded
-        )
+        there = roles.drive and "constrained" in roles.wanted_names
+        super().__init__(device, there, arms, threaded)
 
     def asked(self, now_s: float) -> Mapping[str, float]:
         return {"constrained": float(self.wanted)}

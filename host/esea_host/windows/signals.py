@@ -73,9 +73,7 @@ class AxisColumns:
     def signals(self, wanted: Sequence[tuple[str, str, str]], axis: str) -> list[ShownSignal]:
         """Those of an axis that the device has."""
         own = [(of_axis(name, axis), unit, label) for name, unit, label in wanted]
-        return [
-            signal_of(self._streams[n], n, u, label) for n, u, label in own if n in self._streams
-        ]
+        return [signal_of(self._streams[n], n, u, of) for n, u, of in own if n in self._streams]
 
     def limits(self, head: Head, axis: str) -> tuple[float, float]:
         """Limits of a plot in its unit, as last reported by the board; NaN before."""

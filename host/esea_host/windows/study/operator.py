@@ -273,18 +273,12 @@ class OperatorWindow(StopWindow):
 
     def _word(self) -> str:
         c, words = self.conductor, self.words
-        if (
-            self.board is not None
-            and self.stop_asked_s
-            and self.stop_unconfirmed(self.board.state())
-        ):
+        if self.board and self.stop_asked_s and self.stop_unconfirmed(self.board.state()):
             return words("operator.not_confirmed")
         if c.phase == OVER and c.error is not None:
             return words("operator.ended", reason=str(c.error))
         if c.phase == OVER:
-            return (
-                words("operator.stopped", reason=c.reason) if c.reason else words("operator.done")
-            )
+            return words("operator.stopped" if c.reason else "operator.done", reason=c.reason)
         if c.phase != RUNNING:
             return words(f"operator.{c.phase}")
         if not c.paused:
