@@ -267,7 +267,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     for words in (("view", log), ("monitor", f"file:{log}", "--device", "elbow_drive")):
         assert "esea-host replay" in said(*words, code=2)
     assert "rows" in said("export", log, str(tmp_path / "a.csv"))
-    assert "no format 'xls'" in said("export", log, str(tmp_path / "a.xls"), "--to", "xls", code=2)
+    assert "Unknown format 'xls'" in said("export", log, str(tmp_path / "a.xls"), "--to", "xls", code=2)
     assert "not an address" in said("monitor", "elbow", code=2)
     assert "--seconds" in said("demo", "--seconds", "-5", code=2)
     (tmp_path / "m.toml").write_text(MAPPING)

@@ -481,11 +481,11 @@ def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypat
     assert np.all(np.diff([r["sequence"] for r in runs]) == 1)
     assert "(simulated)" in said("monitor", address, "--seconds", "0.3")
     path = str(tmp_path / "a.mcap")
-    text = said("record", address, path, "--seconds", "0.5", "--note", "a try")
+    text = said("record", address, path, "--seconds", "1.3", "--note", "a try")
     assert "(simulated)" in text
     text = said("show", path)
     assert "sense_out:" in text
-    assert "note: a try" in text
+    assert re.search("note: a try\n  note: An encoder has no zero", text)
     assert "smc.lambda_1_s = " in said("parameters", address)
     assert "smc.lambda_1_s: " in said("parameters", address, "--set", "lambda_1_s=12")
     kept = str(tmp_path / "p.json")

@@ -41,7 +41,7 @@ from esea_host.connection import ConnectedDevice, Subscription, open_device
 from esea_host.connection.address import driven_by
 from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
 from esea_host.connection.receiver import KEY
-from esea_host.windows.meanings import fault_text, lacks_zero
+from esea_host.windows.meanings import NO_ZERO, fault_text, lacks_zero
 
 SCREEN_S, LINE_S = 0.2, 1.0
 ZERO_S = 1.5  # it stands still for a while, and tells its state once a second
@@ -184,6 +184,9 @@ def record(
                         out.print(f"{recording.rows} runs, {recording.gaps} gaps")
             if recording.error is None and not board.receiver.away:
                 recording.event("board_clock", **board.clock())
+                if board.state() == "UNREFERENCED":  # who reads it later sees no state
+                    recording.note(lacking := NO_ZERO["no zero"])
+                    out.print(f"{path}: {lacking}")
         health = board.health()
         out.print(f"{path}: {recording.rows} runs of {_said(board)}, {recording.gaps} gaps")
         if counted := ", ".join(f"{k} {v}" for k, v in health.items() if v and k != "frames"):
