@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 from contextlib import nullcontext
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -256,8 +257,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
         assert json.loads((tmp_path / "l").read_text())["simulated"]
         angle = "theta_rad [rad]" if kind == "csv" else "theta_rad"
         chosen = f"[time]\nperiod_s = 1e-3\n[[columns]]\nsource = '{angle}'\nname = 'x'"
-        again = tmp_path / f"{kind}.mcap"
-        import_table(tmp_path / f"own.{kind}", mapping(tmp_path, chosen), again)
+        import_table(Path(table), mapping(tmp_path, chosen), again := tmp_path / f"{kind}.mcap")
         assert "(simulated own." in said("show", str(again))
     assert told[0] == told[1]
     assert "theta_load_rad [rad] over time_s [s]" in told[0]
@@ -267,7 +267,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     for words in (("view", log), ("monitor", f"file:{log}", "--device", "elbow_drive")):
         assert "esea-host replay" in said(*words, code=2)
     assert "rows" in said("export", log, str(tmp_path / "a.csv"))
-    assert "Unknown format 'xls'" in said("export", log, str(tmp_path / "a.xls"), "--to", "xls", code=2)
+    assert "Unknown format 'xls'" in said("export", log, "a.xls", "--to", "xls", code=2)
     assert "not an address" in said("monitor", "elbow", code=2)
     assert "--seconds" in said("demo", "--seconds", "-5", code=2)
     (tmp_path / "m.toml").write_text(MAPPING)

@@ -19,7 +19,8 @@ from mcap.reader import make_reader
 import esea_host
 from esea_gen.errors import UserError
 from esea_host.recording import Gap, GapError, Recorder, RecordingState, StreamColumn, StreamLayout
-from esea_host.recording.export import play
+from esea_host.recording.export import longest, play
+from esea_host.recording.log import Table
 from tests.conftest import ROOT
 from tests.fuzz.hostile import bomb, foreign_recording
 
@@ -236,9 +237,7 @@ def test_ctrl_c_while_rows_are_written_leaves_them_complete(tmp_path):
 
 
 def test_a_file_that_is_deleted_ends_its_recording_and_the_next_one_of_its_name_stays(tmp_path):
-    path = tmp_path / "a.mcap"
-    with Recorder(path, piece_s=0) as recorder:
-        write(recorder, made(0, 10))
+    with Recorder(path := tmp_path / "a.mcap", piece_s=0) as recorder:
         path.unlink()
         path.write_bytes(b"another")
         with pytest.raises(UserError, match="the file was deleted"):
@@ -332,6 +331,8 @@ def test_a_recorded_gap_refuses_too_and_so_does_an_unmarked_one(tmp_path):
     with pytest.raises(GapError, match="uneven"):
         table.between(0.03, 0.05)
     assert len(table.between(0.025, 0.045)) == 20
+    rows = np.concatenate([made(5, 10), made(2, 30), made(1, 3)])  # of a board that starts again
+    assert len(longest(Table(LAYOUT, rows, np.arange(43) * 10**6, 0))) == 30
 
 
 WRITER = """

@@ -126,9 +126,7 @@ def test_the_command_tells_each_recording_and_refuses_what_has_no_reach(tmp_path
     done = CliRunner().invoke(app, ["analyse", "reaches", *files, "--json", str(to)])
     assert done.exit_code == 0, done.output
     told = json.loads(to.read_text())
-    assert [(k, len(x["reaches"])) for k, x in told["files"].items()] == list(
-        zip(files, (4, 3), strict=True)
-    )
+    assert [len(told["files"][x]["reaches"]) for x in files] == [4, 3]
     lines = (DATA / "cp01-1.dat").read_text().splitlines()[:5]
     (tmp_path / "cut.dat").write_text("\n".join(lines) + "\n")
     with pytest.raises(UserError, match="Not one target changes"):

@@ -44,9 +44,7 @@ OneStreamOption = Annotated[
 PortOption = Annotated[
     int | None, option("--port", "Of the browser view; default: 8766; 0: any.", min=0, max=65535)
 ]
-RateOption = Annotated[
-    float | None, option("--rate", "Runs a second; default: every one.", min=0.001)
-]
+RateOption = Annotated[float | None, option("--rate", "Runs a second; default: all.", min=0.001)]
 RecordOption = Annotated[Path | None, output_file("--record", "Record meanwhile (.mcap).")]
 ReportOption = Annotated[Path | None, output_file("--report", "Write one HTML page.")]
 ScreenshotOption = Annotated[Path | None, output_file("--screenshot", "Picture before it closes.")]

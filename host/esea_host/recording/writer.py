@@ -99,12 +99,13 @@ class Recorder:
                 file.seek(self._mark_at + at)
                 file.write(DISK_FULL.encode())
             os.fsync(file.fileno())
-        if not self._channels:
+        fix = f"The {self._good_bytes} bytes written before are kept and can be read."
+        if error.errno == errno.ENOENT:
+            fix = "Nothing of it is left: record again."
+        elif not self._channels:
+            fix = "Make room, or give another folder."
             self.path.unlink(missing_ok=True)
         full = "the disk is full" if error.errno in FULL else error.strerror or str(error)
-        kept = f"The {self._good_bytes} bytes written before are kept and can be read."
-        kept = kept if error.errno != errno.ENOENT else "Nothing of it is left: record again."
-        fix = kept if self._channels else "Make room, or give another folder."
         self._ended = f"{self.path}: recording ended, {full}.", fix  # for who comes later, too
         raise UserError(*self._ended) from None
 

@@ -31,9 +31,7 @@ def numbers(values: ArrayLike, name: str, least: int = 1) -> Array:
     except (TypeError, ValueError):
         raise NoStatisticError(f"{name}: no numbers.", "Give one number a person.") from None
     if found.ndim != 1 or len(found) < least:
-        raise NoStatisticError(
-            f"{name}: shape {found.shape}.", f"Give at least {least} numbers, one a person."
-        )
+        raise NoStatisticError(f"{name}: shape {found.shape}.", f"Give at least {least} numbers.")
     if not np.isfinite(found).all():
         raise NoStatisticError(
             f"{name}: {int(np.sum(~np.isfinite(found)))} of {len(found)} are missing or infinite.",

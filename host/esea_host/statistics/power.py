@@ -77,9 +77,7 @@ def signed_rank_power(n: int, dz: float, alpha: float = 0.05) -> float:
     """
     share(alpha, "An alpha")
     if not 2 <= n <= _MOST_PEOPLE or not math.isfinite(dz):
-        raise NoStatisticError(
-            f"{n} pairs, d_z = {dz}.", f"Give 2 to {_MOST_PEOPLE} pairs, and a number."
-        )
+        raise NoStatisticError(f"{n} pairs, d_z = {dz}.", f"Give 2 to {_MOST_PEOPLE} pairs.")
     if n > MOST_EXACT:
         return paired_t_power(round(n * 3 / math.pi), dz, alpha)
     most = int(np.sum(attainable_p(n) < alpha)) - 1  # largest smaller rank sum that is significant
