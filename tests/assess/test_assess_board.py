@@ -181,7 +181,13 @@ def test_pendulum_and_range_at_a_board(tmp_path):
         assert run.exit_code == 0, run.output
         assert "SIMULATED" in run.output
         found[name] = json.loads(file.read_text())
-        assert file.with_name(f"{name}-1.mcap").exists()
+        # Its recording begins before the board was zeroed: sensing_ok = 0, and a clock of its own.
+        words = [str(file.with_name(f"{name}-1.mcap")), "--json", str(file)]
+        run = CliRunner().invoke(app, ["assess", name, *words], catch_exceptions=False)
+        read = json.loads(file.read_text())
+        assert read["simulated"] is found[name]["simulated"] is True
+        for key in {"relaxation_index", "high_rad"} & set(read):
+            assert read[key] == pytest.approx(found[name][key], rel=0.03)
     # The same leg without cuff, coupling and encoders.
     leg = Knees([patient_named("relaxed", (1.7, 70))]).release(0.0, 12.0, [[1]])
     bare = pendulum_test(leg.time_s, leg.angle_rad[:, 0])
@@ -201,6 +207,9 @@ def test_a_leg_in_hands_does_not_fall(opened, fastest):
         await_fall(desk.board, print, 6.0)
     knee.let_fall()
     assert np.ptp(await_fall(desk.board, print, 20.0).angle_rad) > 40 * DEG
+    knee.slips_rad = 1.0  # of a leg at rest, which has no movement to break
+    with pytest.raises(UserError, match="valid"):
+        await_fall(desk.board, print, 20.0)
 
 
 @pytest.mark.parametrize(

@@ -141,6 +141,13 @@ def test_what_breaks_the_stream_ends_the_movement_with_its_reason(hz, what, shar
     assert "moved" not in kinds(events)[2:] or share < 0.75  # of what is left a new one may come
 
 
+def test_a_leg_that_never_rests_ends_the_movement_only_after_the_longest_one():
+    t = np.arange(0, 40, 0.02)
+    angle = np.abs((t / 8 + 0.5) % 1 - 0.5) * 2
+    assert kinds(played(MovementWatch(WIDE), t, angle)) == ["started", "broken", "started"]
+    assert kinds(played(MovementWatch(WIDE, 48), t, angle)) == ["started"]
+
+
 def test_pause_reversal_and_way_to_the_start():
     there = ProbingMovement(Location(60 * DEG, 60 * DEG), 30 * DEG, 90 * DEG, 2.0)
     back = ProbingMovement(Location(60 * DEG, -60 * DEG), 90 * DEG, 30 * DEG, 2.0)

@@ -16,13 +16,13 @@ from esea_host.assess.passive_tests import FALLING_rad_s, FALLING_rad_s2, steepe
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, PULL_N, shank_length_m
 from esea_host.assess.probing import Comfort, ProbingMovement
 from esea_host.assess.responses import SENSOR_ERROR_NM, LegRecording
-from esea_host.assess.segments import HOLE_STEPS, MovementEvent, MovementWatch, Segment
+from esea_host.assess.segments import HOLE_STEPS, LONGEST_S, MovementEvent, MovementWatch, Segment
 from esea_host.connection import ConnectedDevice
 
 STREAM = "sense_out"
 COLUMNS = ("theta_load_rad", "omega_load_rad_s", "tau_Nm", "sensing_ok")
 USELESS = ("UNREFERENCED", "FAULT", "STOPPED")  # states in which nothing is measured
-SILENT_S, KNOWN_S, ZEROED_S, FRAME_S, KEPT_S = 0.5, 3.0, 8.0, 0.02, 30.0
+SILENT_S, KNOWN_S, ZEROED_S, FRAME_S = 0.5, 3.0, 8.0, 0.02
 MOST_FRAME_S = 0.1  # of a simulated board's time, however long a window was busy
 TRIED_rad_s, FALLEN_RAD = 30 * DEG, 10 * DEG
 HANDS_NM = 3 * SENSOR_ERROR_NM  # more than the sensor errs by: hands are on the leg
@@ -50,10 +50,10 @@ class KneeBoard:
         advance: Callable[[float], None] | None = None,  # moves a clock that stands still
         paced: bool = False,  # such a clock follows the time of the day
         therapist: Therapist | None = None,
-        kept_s: float = KEPT_S,
+        kept_s: float = LONGEST_S,
     ) -> None:
         self._refuse(device)
-        self.device, self.watch = device, MovementWatch(comfort)
+        self.device, self.watch = device, MovementWatch(comfort, kept_s)
         self._advance, self._paced, self.therapist = advance, paced, therapist
         self.rows: deque[Row] = deque(maxlen=round(kept_s * 1000))
         self.valid, self.problem, self._state = False, "", "UNKNOWN"
@@ -229,14 +229,21 @@ def be_ready(board: KneeBoard, say: Say, zero: bool = False) -> None:
         raise UserError(trouble, "Look at it with esea-host view, then start again.")
 
 
+def _polled(board: KneeBoard, test: str) -> list[MovementEvent]:
+    # A board that goes before anything moved has no movement that breaks.
+    events = board.poll(FRAME_S)
+    ended = [e.text for e in events if e.kind in ("broken", "lost")]
+    if why := "".join(ended[:1]) or board.trouble().rstrip("."):
+        raise UserError(f"{test}: {why}.", "Repeat the test.")
+    return events
+
+
 def await_fall(board: KneeBoard, say: Say, longest_s: float) -> Segment:
     """A leg that is let go and comes to rest."""
     board.start_anew()
     until_s = board.clock_s() + longest_s
     while board.clock_s() < until_s:
-        for event in board.poll(FRAME_S):
-            if event.kind == "broken":
-                raise UserError(f"pendulum test: {event.text}.", "Repeat the test.")
+        for event in _polled(board, "pendulum test"):
             s = event.segment
             if s is not None and np.max(s.rate_rad_s) >= TRIED_rad_s:
                 if _fell(s):
@@ -266,9 +273,7 @@ def await_cycles(
     board.start_anew()
     began_s, until_s = None, board.clock_s() + seconds
     while board.clock_s() < until_s:
-        for event in board.poll(FRAME_S):
-            if event.kind in ("broken", "lost"):
-                raise UserError(f"range of motion: {event.text}.", "Repeat the test.")
+        for event in _polled(board, "range of motion"):
             if event.kind == "warning":
                 say(f"\a{event.text}")
             if event.kind == "started" and began_s is None:
@@ -279,4 +284,4 @@ def await_cycles(
             f"range of motion: no movement within {seconds:g} s.", "Bend and straighten slowly."
         )
     t, angle, _, torque = np.array([r for r in board.rows if r[0] >= began_s]).T
-    return LegRecording(t, angle, torque, height_m, mass_kg)
+    return LegRecording(t, angle, torque, height_m, mass_kg, simulated=board.simulated)

@@ -126,7 +126,7 @@ class ClinicDesk:
         board: KneeBoard | None = None,
     ) -> None:
         check_body(height_m, mass_kg)
-        self.board = board
+        self.board, self._simulated = board, False  # of its recordings: some are simulated
         self.attempt: MovementVerdict | None = None  # that is to be kept or repeated
         self._source: dict[str, float | str] = {}
         self.session, self._comfort, self.measure = session, comfort or Comfort(), measure
@@ -150,7 +150,8 @@ class ClinicDesk:
 
     @property
     def simulated(self) -> bool:
-        return self.patient is not None or (self.board is not None and self.board.simulated)
+        board = self.board is not None and self.board.simulated
+        return self._simulated or self.patient is not None or board
 
     @property
     def comfort(self) -> Comfort:
@@ -255,7 +256,7 @@ class ClinicDesk:
     def broken(self, reason: str) -> str:
         """A movement ended before its end; the trail tells why."""
         self.skip(f"the movement was cut off: {reason}")
-        return f"The movement was cut off: {reason.rstrip('.')}. Repeat it."
+        return f"The movement was cut off: {reason}. Repeat it."
 
     def _attempted(self) -> MovementVerdict:
         if self.attempt is None:
@@ -273,6 +274,7 @@ class ClinicDesk:
     def recording(self, recording: LegRecording, name: str) -> str:
         """A recorded movement, read from the most informative place that it passed."""
         p, value = passage(recording), np.nan_to_num(self.value, nan=-1.0)
+        self._simulated |= recording.simulated
         for cell in np.argsort(-value):
             wanted = self.session.hypotheses.grid.location(int(cell))
             found = along(p, wanted, READ_MOST) if nearest(p, wanted)[1] <= 1 else None

@@ -14,7 +14,14 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase, answered
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
-from esea_host.recording.export import column_of, longest_run, reported
+from esea_host.recording.export import (
+    SENSED,
+    column_of,
+    longest_run,
+    longest_stretch,
+    reported,
+    says_simulated,
+)
 from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import open_log
 
@@ -38,6 +45,7 @@ class LegTable:
 
     columns: dict[str, Array]
     read: str = ""
+    simulated: bool = False
 
 
 def read_columns(path: Path) -> LegTable:
@@ -48,7 +56,8 @@ def read_columns(path: Path) -> LegTable:
     known = {n: column_of(table, n) for n in ("time_s", *ANGLES, *TORQUES)}
     found = {n: table.numbers(c) for n, c in known.items() if c in table.names}
     _refuse_holes(table, found)
-    return LegTable(found or dict.fromkeys(table.names, np.zeros(0)), reported(table))
+    found = found or dict.fromkeys(table.names, np.zeros(0))
+    return LegTable(found, reported(table), says_simulated(table))
 
 
 def _from_log(path: Path) -> LegTable:
@@ -62,10 +71,17 @@ def _from_log(path: Path) -> LegTable:
             )
         # One with a torque, where there is one.
         stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
-        table = log[stream].between(0.0, np.inf)  # refuses a recording with holes
+        rows = log[stream]
+        sensed = rows[SENSED] if SENSED in rows.names else np.ones(len(rows))
+        first, last = longest_stretch(str(path), rows.tick, sensed)
+        table = rows.between(rows.time_s[first], rows.time_s[last - 1] + 1e-9)  # refuses holes
         found = {"time_s": table.time_s}
         found |= {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
-        return LegTable(found, f"{path}: SIMULATED" if log.facts.get("simulated") else "")
+        simulated = bool(log.facts.get("simulated"))
+        gone = len(rows) - len(table)
+        why = f"{gone} rows of another run or with {SENSED} = 0" if gone else "nothing"
+        read = f"{path}: {len(table)} rows; left out: {why}" + "; SIMULATED" * simulated
+        return LegTable(found, read, simulated)
 
 
 def _refuse_holes(table: FileTable, found: dict[str, Array]) -> None:
@@ -122,7 +138,8 @@ def read_recording(
             f"{path}: {torque} goes to {most:.3g} Nm, more than hands do ({STRONGEST_NM:.0f} Nm).",
             "Check its unit.",
         )
-    return LegRecording(time_s, angle, found[torque], height_m, mass_kg, read=table.read)
+    leg = time_s, angle, found[torque], height_m, mass_kg
+    return LegRecording(*leg, read=table.read, simulated=table.simulated)
 
 
 def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) -> ResponseDataBase:

@@ -279,7 +279,7 @@ def motions_picture(result: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def loop_picture(found: Any) -> Figure:
+def loop_picture(found: Any, simulated: bool = False) -> Figure:
     with drawn(6.4, 4.2) as (figure, ax):
         for torque_Nm, colour, style, label in (
             (found.bending_Nm, MODEL, "-", "bending"),
@@ -289,7 +289,7 @@ def loop_picture(found: Any) -> Figure:
         ax.set_xlabel("bending of the knee [°]")
         ax.set_ylabel("torque beyond the leg's weight [Nm]")
         ax.legend()
-        ax.set_title("Passive range of motion")
+        ax.set_title(f"{'Simulated: ' * simulated}Passive range of motion")
         figure.text(0.01, 0.005, MEASURED_NOTICE, fontsize=7, color=BOUND)
     return figure
 

@@ -58,6 +58,7 @@ class LegRecording:
     level: bool = True  # thigh level: weight acts; False: leg on its side
     error_Nm: float = SENSOR_ERROR_NM  # how far a torque may be off throughout a movement
     read: str = ""
+    simulated: bool = False
 
     def __post_init__(self) -> None:
         steps = np.diff(self.time_s)

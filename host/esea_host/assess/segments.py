@@ -19,7 +19,7 @@ from esea_host.assess.responses import NEAR_RAD, LegRecording, NEAR_rad_s, Passa
 
 WINDOW_S, STILL_rad_s, REST_S = 0.4, 3 * DEG, 0.3
 LEAST_RAD = 6 * DEG  # half of the smallest movement that is proposed
-LEAD_S, KEPT_S, LONGEST_S = 0.2, 2.0, 20.0
+LEAD_S, KEPT_S, LONGEST_S = 0.2, 2.0, 30.0
 HOLE_STEPS, LEARNT_STEPS = 5.0, 15  # a longer step than so many usual ones has lost samples
 # Beyond the limit by so much: a leg that rests at its limit, and noise of the rate, do not warn.
 OVER_RAD, OVER_rad_s, OVER_SAMPLES = 2 * DEG, 5 * DEG, 2
@@ -55,8 +55,8 @@ class MovementEvent:
 class MovementWatch:
     """Takes samples one by one at 50 Hz to 1 kHz."""
 
-    def __init__(self, comfort: Comfort) -> None:
-        self.comfort = comfort
+    def __init__(self, comfort: Comfort, longest_s: float = LONGEST_S) -> None:
+        self.comfort, self._longest_s = comfort, longest_s
         self._over = {"low": 0, "high": 0, "fast": 0}
         self._forget()
 
@@ -77,9 +77,9 @@ class MovementWatch:
         """The stream ends for a reason, and the movement with it if there is one."""
         if not self._rows:
             return []
-        event = MovementEvent("broken" if self.moving else "lost", self._rows[-1][0], reason)
+        moving, at_s = self.moving, self._rows[-1][0]
         self._forget()
-        return [event]
+        return [MovementEvent("broken" if moving else "lost", at_s, reason.rstrip("."))]
 
     def take(
         self, time_s: float, angle_rad: float, rate_rad_s: float, torque_Nm: float, ok: bool = True
@@ -159,8 +159,8 @@ class MovementWatch:
             self._still_s = math.nan
         elif math.isnan(self._still_s):
             self._still_s = now_s
-        if now_s - start_s > LONGEST_S:
-            return self.end(f"the leg did not come to rest within {LONGEST_S:g} s")
+        if now_s - start_s > self._longest_s:
+            return self.end(f"the leg did not come to rest within {self._longest_s:g} s")
         if not now_s - self._still_s >= REST_S:
             return []
         events = []

@@ -340,7 +340,7 @@ def pendulum(
     somebody = _patient(patient, device, (MEAN_HEIGHT_M, MEAN_MASS_KG), seed)
     if recording is not None:
         time_s, angle, table = angle_columns(recording)
-        said = table.read
+        said, simulated = table.read, table.simulated
     else:
         # A leg that falls is faster than any comfort.
         free, said = Comfort(0.0, 2.7, 5.0), ""
@@ -352,10 +352,11 @@ def pendulum(
                 hands.let_fall()
             out.print("Hold the leg straight, keep still, and let go.")
             fall = await_fall(board, out.print, seconds)
-            time_s, angle = fall.time_s, fall.angle_rad
+            time_s, angle, simulated = fall.time_s, fall.angle_rad, board.simulated
     found = pendulum_test(time_s, angle)
     _measured(said, found.sentences())
-    write_json(json_file, "host-assess-pendulum", {"notice": MEASURED_NOTICE} | vars(found))
+    about = {"notice": MEASURED_NOTICE, "simulated": simulated}
+    write_json(json_file, "host-assess-pendulum", about | vars(found))
 
 
 @assess.command("range", epilog=MEASURED_NOTICE)
@@ -406,10 +407,11 @@ def range_(
     found = motion_range(leg)
     _measured(leg.read, found.sentences())
     numbers = {k: v for k, v in vars(found).items() if v is None or isinstance(v, int | float)}
-    write_json(json_file, "host-assess-motion", {"notice": MEASURED_NOTICE} | numbers)
+    about = {"notice": MEASURED_NOTICE, "simulated": leg.simulated}
+    write_json(json_file, "host-assess-motion", about | numbers)
     if figure is not None:
         with written_whole(figure) as scratch:
-            loop_picture(found).savefig(scratch, dpi=150)
+            loop_picture(found, leg.simulated).savefig(scratch, dpi=150)
 
 
 @assess.command(epilog=NOTICE)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 SIMULATED = "simulated"  # column of an export
+SENSED = "sensing_ok"  # 0: the angles beside it are of no encoder that answers and is zeroed
 LONGEST_S = 3600.0  # without a row
 BIDS_VERSION = "1.10.0"
 _LABEL = re.compile(r"[0-9a-zA-Z]+")
@@ -57,14 +58,24 @@ def column_of(table: FileTable, name: str) -> str:
     return next((n for n in table.names if n.partition(" [")[0] == name), name)
 
 
+def longest_stretch(name: str, tick: Array, sensed: Array) -> tuple[int, int]:
+    """First row, and row behind the last, of the longest run in which a board measured."""
+    sensed = np.asarray(sensed, bool)
+    cuts = np.flatnonzero((np.diff(tick.astype(float)) <= 0) | np.diff(sensed)) + 1
+    runs = [p for p in pairwise([0, *cuts.tolist(), len(tick)]) if sensed[p[0]]]
+    if not runs:
+        raise UserError(f"{name}: {SENSED} is 0 in every row.", "Zero the board, record again.")
+    return max(runs, key=lambda p: p[1] - p[0])
+
+
 def longest_run(table: FileTable) -> FileTable:
     """The longest run of the board in an exported table; any other table as it is."""
     if TICK not in table.cells or not len(table):
         return table
-    cuts = np.flatnonzero(np.diff(table.numbers(TICK)) <= 0) + 1
-    start, stop = max(pairwise([0, *cuts, len(table)]), key=lambda p: p[1] - p[0])
-    rows = np.arange(len(table))
-    why = f"'{TICK}' of another run; the longest one is analysed"
+    rows, sensed = np.arange(len(table)), column_of(table, SENSED)
+    known = table.numbers(sensed) if sensed in table.cells else np.ones(len(table))
+    start, stop = longest_stretch(table.name, table.numbers(TICK), known)
+    why = f"'{TICK}' of another run or {SENSED} = 0; the longest run is analysed"
     return table.kept((start <= rows) & (rows < stop), why)
 
 
