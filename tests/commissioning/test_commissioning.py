@@ -121,8 +121,9 @@ def test_a_good_machine_passes_and_its_numbers_are_the_plants(bench_of, tmp_path
 def test_results_count_for_their_own_board_only(bench_of, tmp_path):
     bench = bench_of(zeroed=False)
     device, digest = bench.device, bench.board.digest
-    record = CommissioningRecord(tmp_path, bench.board.name, unit_of(device))
-    record.add(quick("zero", bench), device)
+    record, other = (CommissioningRecord(tmp_path, bench.board.name, unit_of(device)) for _ in "12")
+    record.add(result := quick("zero", bench), device)
+    assert other.add(result, device)["number"] == 2  # another program in the same folder
     named = BoardUnit("encoders 5, 6", 1)
     record.entries.append(record.entries[0] | {"step": "sign", "board_serial": named.serial})
     record.entries.append({k: v for k, v in record.entries[0].items() if k[:6] != "board_"})
@@ -246,10 +247,12 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
 
 
 def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
-    (tmp_path / "record.json").write_text("{")
-    with pytest.raises(UserError, match="cannot be read as a record"):
-        CommissioningRecord(tmp_path, "elbow_drive", UNIT)
     content = {"kind": "esea-host commissioning", "version": 1, "device": "knee", "entries": []}
+    entry = {"step": "zero", "host_ns": 10**30, "passed": 1, "simulated": 1, "device_digest": ""}
+    for damaged in ("{", *(json.dumps(content | {"entries": [e]}) for e in (entry, {}, "x"))):
+        (tmp_path / "record.json").write_text(damaged)
+        with pytest.raises(UserError, match="cannot be read as a record"):
+            CommissioningRecord(tmp_path, "elbow_drive", UNIT)
     (tmp_path / "record.json").write_text(json.dumps(content))
     with pytest.raises(UserError, match="record of a knee"):
         CommissioningRecord(tmp_path, "elbow_drive", UNIT)

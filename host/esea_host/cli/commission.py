@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from esea_gen.cli.options import option
+from esea_gen.cli.options import option, writable
 from esea_gen.device import board_device
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.procedure import KnownLoad, require
@@ -32,6 +32,7 @@ from esea_host.commissioning import (
     steps_of,
     unit_of,
 )
+from esea_host.commissioning.record import NAME
 from esea_host.connection.address import parse_address, simulated_options
 from esea_host.connection.opening import open_device, require_device
 from esea_host.recording.replay import loaded_device
@@ -95,6 +96,7 @@ def commission(
         machine = f"{bench.board.name}-{bench.axis}".rstrip("-")
         unit = unit_of(bench.device)
         record = CommissioningRecord(folder or Path("commissioning") / machine, machine, unit)
+        writable(record.folder / NAME)  # now, not after a step
         out.print(record.notice())
         if bench.device.state() == "UNKNOWN":  # a simulated board's time is the bench's
             bench.reach("UNREFERENCED", 1.2)

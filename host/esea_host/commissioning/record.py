@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole
+from esea_gen.files import locked, write_json, write_whole
 from esea_gen.link.kept import kept_use
 from esea_gen.link.transport import LinkError
 from esea_gen.plotting import BOUND, INK, MEASURED, MODEL, RULE, STYLE
@@ -162,14 +162,19 @@ class CommissioningRecord:
     def __init__(self, folder: Path, device: str, unit: BoardUnit) -> None:
         self.folder, self.device, self.unit = Path(folder), device, unit
         self.entries: list[dict[str, Any]] = []
-        path = self.folder / NAME
+        self._read()
+
+    def _read(self) -> None:
+        path, device = self.folder / NAME, self.device
         if not path.exists():
             return
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             kind, of = (content["kind"], content["version"]), str(content["device"])
-            self.entries = [dict(e) for e in content["entries"] if e["step"] and e["host_ns"]]
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            self.entries = [dict(e) for e in content["entries"]]
+            for e in self.entries:
+                _ = done_at(e), e["step"], e["passed"], e["simulated"], e["device_digest"]
+        except (OSError, ArithmeticError, ValueError, KeyError, TypeError) as error:
             raise UserError(
                 f"{path} cannot be read as a record ({error}).", "Name another folder: --record."
             ) from None
@@ -182,7 +187,13 @@ class CommissioningRecord:
             )
 
     def add(self, result: StepResult, device: ConnectedDevice) -> dict[str, Any]:
-        """Write a result down, its picture first."""
+        """Write a result down, its picture first; others may write to the folder meanwhile."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with locked(self.folder / ".record.lock", wait_s=10.0):
+            self._read()
+            return self._add(result, device)
+
+    def _add(self, result: StepResult, device: ConnectedDevice) -> dict[str, Any]:
         number = len(self.entries) + 1
         drawn = BytesIO()
         result.picture.savefig(drawn, format="png", dpi=110)
