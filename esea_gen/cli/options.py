@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -175,15 +175,26 @@ ClusterOption = Annotated[
 ]
 
 
-def writable_picture(figure: Path | None) -> Path | None:
-    if figure is not None and figure.suffix.lower() not in (".png", ".svg", ".pdf"):
-        raise UserError(f"{figure}: not a picture's name.", "End it in .png, .svg or .pdf.")
-    return writable(figure)
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def picture_file(*endings: str) -> Callable[[Path | None], Path | None]:
+    """The callback of an output file whose ending chooses its format."""
+
+    def check(figure: Path | None) -> Path | None:
+        if figure is not None and figure.suffix.lower() not in endings:
+            fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
+            raise UserError(f"{figure}: not a picture's name.", fix)
+        return writable(figure)
+
+    return check
 
 
 FigureOption = Annotated[
     Path | None,
-    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=writable_picture),
+    option(
+        "--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=picture_file(*PICTURES)
+    ),
 ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -174,14 +174,13 @@ def _trail(ax: Axes, session: Assessment) -> None:
         ax.text(1, y, now, ha="right", **about)
 
 
-PAGES, FIGURES = (".html", ".png", ".pdf"), (".png", ".pdf", ".svg")
+PAGES = (".html", ".png", ".pdf")
 
 
-def checked_name(path: Path, endings: Sequence[str] = PAGES) -> None:
-    """Before anything is asked: a page's or a figure's name."""
-    if path.suffix not in endings:
-        text = f"{', '.join(endings[:-1])} or {endings[-1]}"
-        raise UserError(f"{path}: its name must end in {text}.", "Give another name.")
+def checked_name(path: Path) -> None:
+    """Before anything is asked: a page's name."""
+    if path.suffix not in PAGES:
+        raise UserError(f"{path}: its name must end in {', '.join(PAGES)}.", "Give another name.")
 
 
 def write_session_page(

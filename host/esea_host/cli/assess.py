@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.options import JobsOption, option, writable
+from esea_gen.cli.options import FigureOption, JobsOption, option, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
@@ -176,6 +176,8 @@ def run(
         from esea_host.assess.pages import checked_name
 
         checked_name(page)
+    if json_file is not None and json_file.is_file() and not recording:
+        raise UserError(f"{json_file} is there already.", "Give another name: it is a session.")
     check_body(height_m, mass_kg)
     comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
     if headless and (device is None or window):
@@ -377,18 +379,16 @@ def range_(
     low_deg: LowOption = 0.0,
     high_deg: HighOption = 130.0,
     json_file: JsonOption = None,
-    figure: Annotated[Path | None, output_file("--figure", "Torque over angle.")] = None,
+    figure: FigureOption = None,
 ) -> None:
     """Passive range of motion: range, stiffness, and work lost in a cycle."""
     from esea_host.assess.files import read_recording
-    from esea_host.assess.pages import FIGURES, checked_name, loop_picture
+    from esea_host.assess.pages import loop_picture
     from esea_host.assess.passive_tests import SLOW_rad_s, motion_range
     from esea_host.assess.patients import DEG
     from esea_host.assess.probing import Comfort
     from esea_host.assess.responses import check_body
 
-    if figure is not None:
-        checked_name(figure, FIGURES)
     _one_of(recording, device)
     check_body(height_m, mass_kg)
     somebody = _patient(patient, device, (height_m, mass_kg), seed)

@@ -8,14 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-from esea_gen.cli.options import JsonOption, option, writable
+from esea_gen.cli.options import JsonOption, option, picture_file, writable
 
 __all__ = ["JsonOption"]
 
 
-def output_file(flag: str, words: str) -> Any:
-    """An option for a file to write, which is tried before the run."""
-    return typer.Option(flag, metavar="FILE", callback=writable, help=words)
+def output_file(flag: str, words: str, *endings: str) -> Any:
+    """An option for a file to write, or a picture, which is tried before the run."""
+    tried = picture_file(*endings) if endings else writable
+    return typer.Option(flag, metavar="FILE", callback=tried, help=words)
 
 
 AddressArgument = Annotated[
@@ -47,7 +48,9 @@ PortOption = Annotated[
 RateOption = Annotated[float | None, option("--rate", "Runs a second; default: all.", min=0.001)]
 RecordOption = Annotated[Path | None, output_file("--record", "Record meanwhile (.mcap).")]
 ReportOption = Annotated[Path | None, output_file("--report", "Write one HTML page.")]
-ScreenshotOption = Annotated[Path | None, output_file("--screenshot", "Picture before it closes.")]
+ScreenshotOption = Annotated[
+    Path | None, output_file("--screenshot", "Picture before it closes.", ".png", ".jpg")
+]
 CloseAfterOption = Annotated[
     float | None, option("--seconds", "Close the window after so long.", min=1.0, max=1e6)
 ]

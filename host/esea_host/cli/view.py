@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from esea_gen.cli.options import ControllerOption, option, writable
+from esea_gen.cli.options import PICTURES, ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.errors import UserError, from_extra
 from esea_host.cli.app import app, out
@@ -115,7 +115,8 @@ def demo(
         option("--seconds", "Of torque control; default: 10, or no end.", min=1.0, max=3600.0),
     ] = None,
     report: Annotated[
-        Path | None, output_file("--report", "With --headless: page to draw; default: demo.png.")
+        Path | None,
+        output_file("--report", "With --headless: page to draw; default: demo.png.", *PICTURES),
     ] = None,
     recording: Annotated[
         Path | None, output_file("--recording", "Default: beside the page.")
