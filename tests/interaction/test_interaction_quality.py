@@ -148,7 +148,7 @@ def test_what_follows_from_the_printed_p_values():
 # -- survey and comments --------------------------------------------------------------------------
 
 
-def test_group_bs_sign_flips(tmp_path):
+def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
     """Spring and elastomer said by hand: B's first device is the elastomer."""
     path = tmp_path / "survey.csv"
     path.write_text(
@@ -169,6 +169,26 @@ def test_group_bs_sign_flips(tmp_path):
     assert (control.test, control.mean, control.p_holm) == (None, 0.0, 1.0)
     assert found.questions[0].counts == (0, 1, 0, 1, 1)
     json.dumps(files.stamped("host-survey", found.to_dict()), allow_nan=False)
+    figure = tmp_path / "f.png"
+    _, shown, _ = command(monkeypatch, capsys, "analyse", "survey", path, "--figure", figure)
+    assert "counts 0/1/0/1/1" in shown
+    assert "all alike" in shown
+    assert figure.exists()
+
+
+def test_agreement_of_two_coders_by_hand(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "comments.csv"
+    one = "a,spring,1,x,positive\nb,spring,1,x,negative\nc,elastomer,1,y,positive\n"
+    two = "a,spring,2,x,positive\nb,spring,2,x,neutral\nc,elastomer,2,x,positive\n"
+    more = "".join(f"d,elastomer,{coder},y,negative\n" for coder in "12")
+    path.write_text(CODED + one + two + more)
+    _, shown, _ = command(monkeypatch, capsys, "analyse", "comments", path)
+    # Theme y: both give it to d, one to c too: (3/4 - 1/2) / (1 - 1/2); tone: (2/3 - 1/3) / (2/3).
+    assert re.findall(r"(x|y|tone) +kappa (\S+)", shown) == [
+        (k, "0.50") for k in ("x", "y", "tone")
+    ]
+    assert "x                  1/1/0   0/0/0" in shown
+    assert "to talk about: b, c" in shown
 
 
 HEADER = "participant,group,comfort,naturalness,control,effort\n"
@@ -189,6 +209,7 @@ CODED = "comment,element,coder,theme,tone\n"
         (read_comments, CODED + ",spring,one,t,positive\n", "comment or coder without"),
         (read_comments, CODED + "c,rubber,one,t,positive\n", "element 'rubber'"),
         (read_comments, CODED + "c,spring,one,t,positive\n", "1 coders"),
+        (read_comments, CODED + 2 * "c,spring,one,t,positive\n", "the theme t twice"),
         (
             read_comments,
             CODED + "c,spring,one,t,positive\nd,spring,two,t,positive\n",
