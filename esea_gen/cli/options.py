@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -178,23 +178,21 @@ ClusterOption = Annotated[
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def picture_file(*endings: str) -> Callable[[Path | None], Path | None]:
-    """The callback of an output file whose ending chooses its format."""
+def picture_file(figure: Path | None, *endings: str) -> Path | None:
+    """An output file whose ending, of these, chooses its format."""
+    if endings and figure is not None and figure.suffix.lower() not in endings:
+        fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
+        raise UserError(f"{figure}: not a picture's name.", fix)
+    return writable(figure)
 
-    def check(figure: Path | None) -> Path | None:
-        if figure is not None and figure.suffix.lower() not in endings:
-            fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
-            raise UserError(f"{figure}: not a picture's name.", fix)
-        return writable(figure)
 
-    return check
+def _picture(figure: Path | None) -> Path | None:
+    return picture_file(figure, *PICTURES)
 
 
 FigureOption = Annotated[
     Path | None,
-    option(
-        "--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=picture_file(*PICTURES)
-    ),
+    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=_picture),
 ]
 
 

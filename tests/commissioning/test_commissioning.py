@@ -17,6 +17,7 @@ import pytest
 
 from esea_gen.errors import UserError
 from esea_gen.link.kept import name_encoders
+from esea_gen.link.transport import LinkError
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedTwin
@@ -244,6 +245,11 @@ def test_order_cancel_and_gaps(bench_of, monkeypatch):
         bench.device.advance(0.5)
     with pytest.raises(UserError, match="Rows are missing"):
         quick("encoders", bench)
+    # Nor is what came before the board fell silent for good.
+    ticks = iter(range(10**6))
+    monkeypatch.setattr(bench, "pass_time", lambda s: advance(s) if next(ticks) < 300 else None)
+    with pytest.raises(LinkError, match="nothing has come for 2 s"):
+        bench.capture(12.0)
 
 
 def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):

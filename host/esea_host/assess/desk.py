@@ -187,8 +187,6 @@ class ClinicDesk:
 
     def torque(self, torque_Nm: float) -> None:
         """Read off a sensor at the midpoint of the movement, where nothing accelerates."""
-        if not abs(torque_Nm) <= 100:
-            raise UserError(f"torque: {torque_Nm} Nm.", "Give -100 to 100 Nm.")
         size = self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
         middle_rad = self.proposed.location.angle_rad
         carried = -leg_weight_Nm(self.height_m, self.mass_kg) * math.cos(middle_rad)

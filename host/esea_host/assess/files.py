@@ -14,14 +14,7 @@ from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase, answered
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
 from esea_host.assess.responses import LegRecording, passage
-from esea_host.recording.export import (
-    SENSED,
-    column_of,
-    longest_run,
-    longest_stretch,
-    reported,
-    says_simulated,
-)
+from esea_host.recording import export
 from esea_host.recording.integrity import warn_unless_complete
 from esea_host.recording.log import open_log
 
@@ -52,12 +45,12 @@ def read_columns(path: Path) -> LegTable:
     """Time, angle and torque of a table with a header, or the columns of an MCAP recording."""
     if path.suffix == ".mcap":
         return _from_log(path)
-    table = longest_run(read_table(path))
-    known = {n: column_of(table, n) for n in ("time_s", *ANGLES, *TORQUES)}
+    table = export.longest_run(read_table(path))
+    known = {n: export.column_of(table, n) for n in ("time_s", *ANGLES, *TORQUES)}
     found = {n: table.numbers(c) for n, c in known.items() if c in table.names}
     _refuse_holes(table, found)
     found = found or dict.fromkeys(table.names, np.zeros(0))
-    return LegTable(found, reported(table), says_simulated(table))
+    return LegTable(found, export.reported(table), export.says_simulated(table))
 
 
 def _from_log(path: Path) -> LegTable:
@@ -72,14 +65,14 @@ def _from_log(path: Path) -> LegTable:
         # One with a torque, where there is one.
         stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
         rows = log[stream]
-        sensed = rows[SENSED] if SENSED in rows.names else np.ones(len(rows))
-        first, last = longest_stretch(str(path), rows.tick, sensed)
+        sensed = rows[export.SENSED] if export.SENSED in rows.names else np.ones(len(rows))
+        first, last = export.longest_stretch(str(path), rows.tick, sensed)
         table = rows.between(rows.time_s[first], rows.time_s[last - 1] + 1e-9)  # refuses holes
         found = {"time_s": table.time_s}
         found |= {n: table[n].astype(np.float64) for n in table.names if table[n].ndim == 1}
         simulated = bool(log.facts.get("simulated"))
         gone = len(rows) - len(table)
-        why = f"{gone} rows of another run or with {SENSED} = 0" if gone else "nothing"
+        why = f"{gone} rows of another run or with {export.SENSED} = 0" if gone else "nothing"
         read = f"{path}: {len(table)} rows; left out: {why}" + "; SIMULATED" * simulated
         return LegTable(found, read, simulated)
 

@@ -8,14 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
-from esea_gen.cli.options import JsonOption, option, picture_file, writable
+from esea_gen.cli.options import JsonOption, option, picture_file
 
 __all__ = ["JsonOption"]
 
 
 def output_file(flag: str, words: str, *endings: str) -> Any:
     """An option for a file to write, or a picture, which is tried before the run."""
-    tried = picture_file(*endings) if endings else writable
+
+    def tried(file: Path | None) -> Path | None:
+        return picture_file(file, *endings)
+
     return typer.Option(flag, metavar="FILE", callback=tried, help=words)
 
 

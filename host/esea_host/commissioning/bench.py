@@ -21,7 +21,7 @@ from esea_host.recording.layout import Array
 
 TURN_S = 0.02  # from one command to the next
 DEADLINE_MS = 500
-HEARTBEAT_S = 1.5
+HEARTBEAT_S, SILENT_S = 1.5, 2.0
 ARM_TRIES = 4
 ActKind = Literal["rest", "turn", "clamp", "load", "swing"]
 
@@ -130,14 +130,18 @@ class CommissioningBench:
         """Inputs and outputs of the sensing task meanwhile, without a gap."""
         self.device.listen(self._streams)
         queue = self.device.subscribe(self._streams)
-        found: list[Batch] = []
+        found, silent_s = list[Batch](), 0.0
         try:
             for k in range(math.ceil(seconds / turn_s) + 1):
                 self._check()
                 if each is not None and each(k * turn_s) is False:
                     break
                 self.pass_time(turn_s)
-                found += queue.take(0.0)
+                new = queue.take(0.0)
+                found += new
+                silent_s = 0.0 if new else silent_s + turn_s
+                if silent_s > SILENT_S:  # what came before is no measurement of the step
+                    raise LinkError(f"nothing has come for {SILENT_S:g} s", "Look at cable and power.")
         finally:
             self.device.receiver.unsubscribe(queue)
         holes = [g for b in found for g in b.gaps]
