@@ -178,7 +178,6 @@ PAGES = (".html", ".png", ".pdf")
 
 
 def checked_name(path: Path) -> None:
-    """Before anything is asked: a page's name."""
     if path.suffix not in PAGES:
         raise UserError(f"{path}: its name must end in {', '.join(PAGES)}.", "Give another name.")
 

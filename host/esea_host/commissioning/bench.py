@@ -141,7 +141,7 @@ class CommissioningBench:
                 found += new
                 silent_s = 0.0 if new else silent_s + turn_s
                 if silent_s > SILENT_S:  # what came before is no measurement of the step
-                    raise LinkError(f"nothing has come for {SILENT_S:g} s", "Look at cable and power.")
+                    raise LinkError(f"nothing has come for {SILENT_S:g} s", "Look at its power.")
         finally:
             self.device.receiver.unsubscribe(queue)
         holes = [g for b in found for g in b.gaps]

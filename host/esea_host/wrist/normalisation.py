@@ -213,8 +213,6 @@ def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
             f"one, {healthy.width_deg:.1f} deg.",
             "Measure both ranges again; were the two states mixed up?",
         )
-    if not constrained.width_deg > 0:
-        raise UserError("The constrained range is empty.", "Measure it again.")
 
 
 def _check_fold(found: CursorMap) -> None:
