@@ -186,13 +186,13 @@ def picture_file(figure: Path | None, *endings: str) -> Path | None:
     return writable(figure)
 
 
-def _picture(figure: Path | None) -> Path | None:
+def writable_picture(figure: Path | None) -> Path | None:
     return picture_file(figure, *PICTURES)
 
 
 FigureOption = Annotated[
     Path | None,
-    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=_picture),
+    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=writable_picture),
 ]
 
 

@@ -16,10 +16,10 @@ __all__ = ["JsonOption"]
 def output_file(flag: str, words: str, *endings: str) -> Any:
     """An option for a file to write, or a picture, which is tried before the run."""
 
-    def tried(file: Path | None) -> Path | None:
+    def writable_file(file: Path | None) -> Path | None:
         return picture_file(file, *endings)
 
-    return typer.Option(flag, metavar="FILE", callback=tried, help=words)
+    return typer.Option(flag, metavar="FILE", callback=writable_file, help=words)
 
 
 AddressArgument = Annotated[
