@@ -359,9 +359,7 @@ class StudyFolder:
             if source is not None:
                 self.must_suit(source.simulated)
                 self._washout(code, number, day, early)
-            if not self.allocations.by_seed(
-                code
-            ):  # else the orders of trials would tell who came when
+            if not self.allocations.by_seed(code):  # else orders would tell who came when
                 index = int.from_bytes(keyed(self.key, "order", code))
             plan = build_plan(self.protocol, index, number, self.group(code))
             rows = self.rows(code, number)
@@ -408,15 +406,11 @@ class StudyFolder:
         begun = [d for k, d in self.audited() if k == "session_start" and d["participant"] == code]
         last = [d["day"] for d in begun if d["session"] < number and isinstance(d["day"], int)]
         if last and day < max(last) and not early:
-            raise UserError(
-                f"{code}: this computer's date is before that of the last session.",
-                "Set its clock, or say why it is so: --early.",
-            )
+            what = f"{code}: this computer's date is before that of the last session."
+            raise UserError(what, "Set its clock, or say why it is so: --early.")
         if last and day - max(last) < wanted and not early:
-            raise UserError(
-                f"{code}: {day - max(last)} days since the last session, {wanted:g} are planned.",
-                "Come back then, or say why not.",
-            )
+            what = f"{code}: {day - max(last)} days since the last session, {wanted:g} are planned."
+            raise UserError(what, "Come back then, or say why not: --early.")
 
     def finish(self, session: StudySession) -> None:
         state = session.state
