@@ -15,6 +15,7 @@ import typer
 
 from esea_gen.cli.options import option
 from esea_gen.errors import UserError
+from esea_gen.portability import command_line
 from esea_host.cli.app import out
 from esea_host.cli.options import KeyOption
 from esea_host.cli.study import (
@@ -122,10 +123,11 @@ class _AskedSession:
         whose += "Simulated participant: " if state.simulated else ""
         out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
         if reason:
-            raise UserError(
-                f"The session ended early: {reason}{'' if reason[-1] in '.?' else '.'}",
-                "It can be gone on with: resume.",
-            )
+            words = "study", "resume", f"{self.study.path}", self.code, "--session"
+            on = command_line("esea-host", *words, f"{self.number + 1}")
+            fix = "Rehearse it anew." if self.rehearsal else f"Continue: {on}"
+            what = f"The session ended early: {reason}{'' if reason[-1] in '.?' else '.'}"
+            raise UserError(what, fix)
 
     def _opened(self, source: InputSource) -> StudySession:
         # Simulated people need no washout.
