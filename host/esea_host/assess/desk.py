@@ -85,7 +85,9 @@ def conclusion(session: Assessment) -> list[str]:
     (first, p), (second, q) = ranked[0], ranked[1]
     made = len(session.evidence)
     out = []
-    if first == NONE:
+    if not (made or session.by_hand):
+        out.append("Nothing is measured yet: every known category is equally likely.")
+    elif first == NONE:
         out.append(f"The leg answers like none of the known categories ({strength(p)}, {p:.0%}).")
         out.append(
             "Look for another cause: contracture, rigidity, tremor, a leg that is not relaxed."
@@ -96,9 +98,9 @@ def conclusion(session: Assessment) -> list[str]:
     names = session.severity() if made else {}
     for what, s in names.items():
         if s["probability"] >= 0.1:
+            how = f"{s['mean']:.1f} of 5, between {s['low']:g} and {s['high']:g} with 90 %."
             out.append(
-                f"If {DISORDERS.get(what, what)} ({s['probability']:.0%}): severity "
-                f"{s['mean']:.1f} of 5, between {s['low']:g} and {s['high']:g} with 90 %."
+                f"If {DISORDERS.get(what, what)} ({s['probability']:.0%}): severity {range_}"
             )
     movements = "movement" if made == 1 else "movements"
     out.append(

@@ -179,7 +179,8 @@ PAGES = (".html", ".png", ".pdf")
 
 def checked_name(path: Path) -> None:
     if path.suffix not in PAGES:
-        raise UserError(f"{path}: its name must end in {', '.join(PAGES)}.", "Give another name.")
+        text = f"{', '.join(PAGES[:-1])} or {PAGES[-1]}"
+        raise UserError(f"{path}: its name must end in {text}.", "Give another name.")
 
 
 def write_session_page(
