@@ -89,9 +89,8 @@ def conclusion(session: Assessment) -> list[str]:
         out.append("Nothing is measured yet: every known category is equally likely.")
     elif first == NONE:
         out.append(f"The leg answers like none of the known categories ({strength(p)}, {p:.0%}).")
-        out.append(
-            "Look for another cause: contracture, rigidity, tremor, a leg that is not relaxed."
-        )
+        causes = "contracture, rigidity, tremor, a leg that is not relaxed"
+        out.append(f"Look for another cause: {causes}.")
     else:
         out.append(f"Most like: {long_name(first)} ({strength(p)}, {p:.0%}).")
         out.append(f"Second: {long_name(second)} ({q:.0%}).")
@@ -99,14 +98,11 @@ def conclusion(session: Assessment) -> list[str]:
     for what, s in names.items():
         if s["probability"] >= 0.1:
             how = f"{s['mean']:.1f} of 5, between {s['low']:g} and {s['high']:g} with 90 %."
-            out.append(
-                f"If {DISORDERS.get(what, what)} ({s['probability']:.0%}): severity {range_}"
-            )
+            who = f"{DISORDERS.get(what, what)} ({s['probability']:.0%})"
+            out.append(f"If {who}: severity {how}")
     movements = "movement" if made == 1 else "movements"
-    out.append(
-        f"{made} {movements} so far; the probabilities "
-        + ("have stopped changing." if session.settled else "are still changing.")
-    )
+    now = "have stopped" if session.settled else "are still"
+    out.append(f"{made} {movements} so far; the probabilities {now} changing.")
     if session.by_hand:
         out.append("The clinician set probabilities by hand; see the steps.")
     return out
