@@ -227,7 +227,13 @@ def to_parquet(study: StudyFolder, out: Path, labels: bool = False) -> int:
 
     rows = shared_rows(study, labels)
     names = sorted({n for r in rows for n in r})
-    columns = {n: pa.array([r.get(n) for r in rows]) for n in names}
+    columns = {}
+    for name in names:
+        values = [r.get(name) for r in rows]
+        try:
+            columns[name] = pa.array(values)
+        except pa.ArrowException:  # tasks that mean different things by one name: as text
+            columns[name] = pa.array([None if v is None else str(v) for v in values])
     with new_whole(out) as scratch:
         scratch.mkdir()
         pq.write_table(pa.table(columns), scratch / "rows.parquet")
