@@ -127,14 +127,14 @@ class Device(DeviceData):
         """All Blocks, wired into tasks: with a law torque control, else sensing."""
         if self.drive is not None and not self.laws:
             raise UserError(
-                f"{self.origin}: the device has a drive, and no law moves it.",
+                f"{self.origin}: the device has a drive but no control law.",
                 "Add [sliding_mode] or [predictive], or give --controller.",
             )
         if not self.laws:
             if self.file.impairment:
                 raise UserError(
-                    f"{self.origin}: [impairment] asks for torque, and nothing gives it.",
-                    "Add a drive, as wrist_drive.toml has one, or take [impairment] out.",
+                    f"{self.origin}: [impairment] requires torque, but the device has no drive.",
+                    "Add a drive, as in wrist_drive.toml, or remove [impairment].",
                 )
             make = counting_system if measures_counts(self) else sensing_system
             return make(self, self.velocity, self.sensor)
@@ -179,8 +179,8 @@ def board_device(device: Device | str | Path) -> Device:
     if name in shipped_devices() and loaded.digest == load_device(loaded.name).digest:
         return _shipped_board(name)
     raise UserError(
-        f"{loaded.origin}: a board needs encoders, but the device has no encoders.",
-        "Add [encoder.motor], [encoder.load] and [joint], as knee_board.toml has them.",
+        f"{loaded.origin}: a board needs encoders, but the device has none.",
+        "Add [encoder.motor], [encoder.load] and [joint], as in knee_board.toml.",
     )
 
 
@@ -197,7 +197,7 @@ def _device(text: str, origin: str, controller: str | None) -> Device:
         raise UserError(f"--controller {controller}: names one twice.", "Give each once.")
     for name in names:
         if name.endswith(".py"):
-            raise UserError(f"{name}: which law of it?", f"Write its name there, as {name}:LAW.")
+            raise UserError(f"{name}: the law is not named.", f"Add its name: {name}:LAW.")
         if not name.endswith(".toml") and ".py:" not in name:
             choose("controller", name, controllers(), ", or give FILE.toml or FILE.py:law")
     files = [n for n in names if n in shipped_controllers() or n.endswith(".toml")]

@@ -48,7 +48,7 @@ def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
         with path.open("rb") as file:
             kind = os.fstat(file.fileno()).st_mode
             if not (stat.S_ISREG(kind) or stat.S_ISFIFO(kind)):
-                raise UserError(f"{path} is a device, not a file.", fix)
+                raise UserError(f"{path} is not a regular file.", fix)
             # In pieces: what is asked for at once is set aside at once.
             data, left = b"", most_bytes + 1
             while left > 0 and (part := file.read(min(left, PIECE_BYTES))):
@@ -78,11 +78,11 @@ def written_whole(path: Path) -> Iterator[Path]:
         if kept := in_use(error) and scratch.is_file():
             raise UserError(
                 f"{path}: cannot be replaced; another program has it open.",
-                f"Close it there. What was to be written is in {scratch}.",
+                f"Close it there. The new content is in {scratch}.",
             ) from error
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
-            "Make room, or give another file.",
+            "Free disk space, or give another file.",
         ) from error
     finally:
         if not kept and scratch.is_file():
@@ -109,7 +109,7 @@ def new_whole(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise UserError(
             f"{path}: cannot be written ({error.strerror or error}).",
-            "Make room, or give another name.",
+            "Free disk space, or give another name.",
         ) from error
 
 
@@ -140,8 +140,8 @@ def locked(
             time.sleep(0.01)
         left, host = _holder(file), socket.gethostname()
         if left and left.get("host", host) != host and not of_any_host:
-            fix = "If that computer is off or has lost it: esea-host study repair FOLDER."
-            raise _held(path, left, f"Whether it still runs cannot be seen from here. {fix}")
+            fix = "If that computer is off or no longer runs it: esea-host study repair FOLDER."
+            raise _held(path, left, f"Whether it still runs cannot be determined from here. {fix}")
         try:
             _write_holder(file, path, person, host)
             yield left
@@ -248,12 +248,12 @@ def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
     kind = content.get("schema") if isinstance(content, dict) else None
     if kind not in kinds:
         holds = "no result of this program" if kind is None else f"a result of '{kind}'"
-        raise UserError(f"{path} has {holds}; expected: {known}.", make)
+        raise UserError(f"{path} holds {holds}; expected: {known}.", make)
     if content.get("schema_version") != SCHEMA_VERSION:
         raise UserError(
-            f"{path}: is of version {content.get('schema_version')} of its schema; read is "
+            f"{path}: has schema version {content.get('schema_version')}; this program reads "
             f"{SCHEMA_VERSION}.",
-            "Make it again with this version.",
+            "Write it again with this version.",
         )
     return dict(content)
 

@@ -64,8 +64,8 @@ def must_be_trusted(codes: Iterable[TaskCode], how: str = "add:") -> None:
         listed = "; ".join(f"{c.path}, SHA-256 {c.sha256}" for c in new)
         options = " ".join(f"--trust {c.sha256}" for c in new)
         raise UserError(
-            f"Code that has not been trusted; it was not run: {listed}.",
-            f"Read it. To run it from now on, {how} {options}",
+            f"Untrusted code was not run: {listed}.",
+            f"Review it. To run it from now on, {how} {options}",
         )
 
 

@@ -84,7 +84,7 @@ def board_for(device) -> tuple[str, ...]:
     assert device.file.encoder is not None
     if not device.laws or device.file.encoder.resolution_bits.value <= 14:
         return ()
-    with pytest.raises(UserError, match="send 14 bits at most") as refused:
+    with pytest.raises(UserError, match="above 14, the most bits") as refused:
         said("firmware", device.origin, "--out", str(Path(device.origin).parent))
     named = re.search(r"--board (\S+)", refused.value.fix)
     assert named

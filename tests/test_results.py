@@ -100,8 +100,8 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
         (["simulate", "tuning", "--resume=j"], "DIR", "is stored"),
         (["simulate", "tuning"], "DIR", "esea-gen simulate tuning --resume DIR"),
         (["identify", "hdrb"], "FILE", "esea-gen identify hdrb --resume FILE"),
-        (["torque-check", "elbow"], "JSON", "From the start again"),
-        (["verify", "elbow"], None, "From the start again:\n  esea-gen verify elbow"),
+        (["torque-check", "elbow"], "JSON", "Start again with"),
+        (["verify", "elbow"], None, "Start again with:\n  esea-gen verify elbow"),
     ):
         assert wanted in stopped(words, resumable)
 

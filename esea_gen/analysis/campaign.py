@@ -29,7 +29,7 @@ Function = Callable[..., Mapping[str, float]]
 
 IDLE_S = 20.0
 TAIL = 400  # characters of a failure's text
-DIED = "its worker died of it each time: a crash in compiled code, or no memory left"
+DIED = "its worker died each time: a crash in compiled code, or lack of memory"
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from esea_gen.files import template_folder
 
 CONNECT_S = 5.0
 SHOWN = 3  # workers in a message
-CARRY_ON = "Finished cases are kept where a journal is; run again to go on."
+CARRY_ON = "A journal stores finished cases; run again to continue."
 
 
 def code_digest() -> str:
@@ -57,7 +57,7 @@ def machine() -> dict[str, str]:
 def _differences(expected: dict[str, str], found: dict[str, str], threads: int) -> str:
     apart = [f"{k} {found.get(k)} (here {v})" for k, v in expected.items() if found.get(k) != v]
     if threads != 1:
-        apart.append(f"{threads} threads (1 is needed, a case has its process to itself)")
+        apart.append(f"{threads} threads (1 is needed: each case has its own process)")
     return ", ".join(apart)
 
 
@@ -176,6 +176,6 @@ def run_on(
         raise
     except Exception as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise UserError(f"The cluster at {address} gave up ({told}).", CARRY_ON) from None
+        raise UserError(f"The cluster at {address} stopped ({told}).", CARRY_ON) from None
     finally:
         client.cancel(futures)

@@ -225,7 +225,7 @@ class OutputImpedance:
         poor = above if fit.misfit > GOOD_FIT else ""
         return [
             *self.angle.table(rows),
-            f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque that the moving needs:",
+            f"fit from {fit.low_Hz:.3g} to {fit.high_Hz:.3g} Hz, torque needed for the motion:",
             f"inertia {fit.inertia_kgm2:.4g} +- {fit.inertia_std:.2g} kg m2",
             f"damping {fit.damping_Nms_rad:.4g} +- {fit.damping_std:.2g} Nms/rad",
             f"stiffness {fit.stiffness_Nm_rad:.4g} +- {fit.stiffness_std:.2g} Nm/rad",

@@ -108,7 +108,7 @@ class Journal:
         with stream:
             if not try_lock(stream.fileno()):
                 raise UserError(
-                    f"{self.path}: another run is writing it.", "Wait for it or end it."
+                    f"{self.path}: another run is writing it.", "Wait for that run, or end it."
                 )
             finished = self._read(stream)
 

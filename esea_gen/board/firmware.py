@@ -197,8 +197,8 @@ def _can_be_read(device: Device, board: Board) -> None:
             others = (b for b in firmware_boards().values() if b.machine and not b.most_bits)
             bare = next(b for b in others if b.real == board.real)
             raise UserError(
-                f"{device.origin}: {key} = {numbers[key].value:g}, and the encoders that the "
-                f"drivers of {board.name} read send {most} bits at most.",
+                f"{device.origin}: {key} = {numbers[key].value:g} is above {most}, the most "
+                f"bits that the encoder drivers of {board.name} read.",
                 f"Give {most} or fewer, or a board without drivers: --board {bare.name} emulates "
                 "one, whose counts come over the link.",
             )

@@ -54,17 +54,17 @@ class TaskTimes:
     def check(self, lighter: Callable[[], str] = str) -> None:
         """Refuse a release before a task's end; ``lighter`` finds a law that fits."""
         other = "" if self.in_time else lighter()
-        other = f"Take --controller {other}, which fits; or: " if other else ""
+        other = f"Use --controller {other}, which fits; or: " if other else ""
         for task, ended in self.ended_s.items():
             if ended <= self.release_s[task]:
                 continue
             part = f"{self.board.name} ({self.board.title})"
-            assumed = f"{self.cycles:g} cycles an instruction and {self.board.clock_Hz / 1e6:g} MHz"
+            assumed = f"{self.cycles:g} cycles per instruction, {self.board.clock_Hz / 1e6:g} MHz"
             if math.isinf(ended):
                 raise UserError(
                     f"{self.device} does not fit on {part}: its tasks take all of its time "
                     f"at {assumed}; they need {self.least_MHz:g} MHz.",
-                    f"{other}Take a faster board, a lower rate or a shorter horizon.",
+                    f"{other}Use a faster board, a lower rate or a shorter horizon.",
                 )
             raise UserError(
                 f"{self.device} does not fit on {part}: its task {task} takes up to "
@@ -92,7 +92,7 @@ def task_times(device: Device, board: Board, cycles: float | None = None) -> Tas
     """Bounds of a device's tasks on a board, and when they end."""
     each = board.processor.cycles_per_instruction if cycles is None else cycles
     if not (math.isfinite(each) and each > 0):
-        raise UserError(f"--cycles {each:g} is not above 0.", "Give cycles an instruction.")
+        raise UserError(f"--cycles {each:g} is not above 0.", "Give cycles per instruction.")
     if not board.clock_Hz:
         clocked = ", ".join(b.name for b in BOARDS.values() if b.clock_Hz)
         raise UserError(

@@ -16,7 +16,7 @@ from esea_gen.portability import command_line
 
 # Every command with the file that has it, in the groups that help shows.
 GROUPS = {
-    "Devices and their C": {
+    "Devices and generated C": {
         "new": "generate",
         "schema": "generate",
         "build": "generate",
@@ -25,7 +25,7 @@ GROUPS = {
         "report": "pages",
     },
     "Boards": {"firmware": "boards", "emulate": "boards", "faults": "evidence"},
-    "Evidence that the C is the model": {
+    "Verification of the generated C": {
         "verify": "evidence",
         "coverage": "evidence",
         "ranges": "evidence",
@@ -40,7 +40,7 @@ GROUPS = {
         "tune": "experiments",
         "reproduce": "experiments",
     },
-    "From recordings, and on a real machine": {
+    "Recordings and real machines": {
         "identify": "identification",
         "uncertainty": "identification",
         "friction": "identification",
@@ -73,10 +73,10 @@ def stopped(words: Sequence[str], resume: str | None) -> str:
     """Finished part of an interrupted command; ``resume``: the place for its --resume, if any."""
     again = command_line("esea-gen", *words)
     if resume not in ("DIR", "FILE"):
-        return f"stopped; no file is left half written. From the start again:\n  {again}"
+        return f"stopped; no file is incomplete. Start again with:\n  {again}"
     if any(w.partition("=")[0] == "--resume" for w in words):
-        return f"stopped; what was finished is stored. Continue with the same command:\n  {again}"
-    return f"stopped; nothing was stored. To be able to continue:\n  {again} --resume {resume}"
+        return f"stopped; finished work is stored. Continue with:\n  {again}"
+    return f"stopped; nothing was stored. To store progress, use:\n  {again} --resume {resume}"
 
 
 app = typer.Typer(
@@ -123,17 +123,17 @@ out = Out()
 def _main(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print errors only; the exit code has the result.")
+        bool, typer.Option("-q", "--quiet", help="Print errors only; the result is the exit code.")
     ] = False,
     verbose: Annotated[
-        bool, typer.Option("-v", "--verbose", help="Print every step, and where errors arose.")
+        bool, typer.Option("-v", "--verbose", help="Print every step, and tracebacks of errors.")
     ] = False,
     trusted: Annotated[
         list[str] | None,
         typer.Option(
             "--trust",
             metavar="SHA256",
-            help="Trust the law file with this hash from now on, where a device file names it.",
+            help="Trust the law file with this hash from now on when a device file names it.",
         ),
     ] = None,
 ) -> None:

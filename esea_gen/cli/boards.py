@@ -28,7 +28,7 @@ def firmware(
     ] = None,
     cycles: Annotated[
         float | None,
-        option("--cycles", "For a drive: cycles an instruction; default: assumed 1.5."),
+        option("--cycles", "For a drive: cycles per instruction; default: 1.5 (assumed)."),
     ] = None,
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
@@ -71,14 +71,14 @@ def _fits(
     times.check(lambda: lighter_law(loaded, board, cycles))
     lines = [
         f"{task}: at most {count} instructions; ended {1e3 * times.ended_s[task]:.3f} ms after its "
-        f"start at {times.cycles:g} cycles an instruction and {board.clock_Hz / 1e6:g} MHz, "
+        f"start at {times.cycles:g} cycles per instruction and {board.clock_Hz / 1e6:g} MHz, "
         f"released after {1e3 * times.release_s[task]:g} ms"
         for task, count in times.instructions.items()
     ]
     if board.reset_Hz:
         slow = "fits" if times.least_Hz <= board.reset_Hz else "is refused"
         lines.append(
-            f"it needs {times.least_MHz:g} MHz: where the board stays at "
+            f"it needs {times.least_MHz:g} MHz: if the board stays at "
             f"{board.reset_Hz / 1e6:g} MHz it {slow}"
         )
     found: dict[str, Any] = {"instructions": times.instructions, "needs_MHz": times.least_MHz}
@@ -95,7 +95,7 @@ def emulate(
     board: options.BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
         float | None,
-        option("--seconds", "For a drive: how many seconds of the tuning case; default: 3."),
+        option("--seconds", "For a drive: seconds of the tuning case; default: 3."),
     ] = None,
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
@@ -112,12 +112,12 @@ def emulate(
     deflections: dict[str, Any] = {}
     if loaded.laws and (recording is not None or data is not None):
         raise UserError(
-            f"{loaded.origin}: a drive is not run on a recorded deflection.",
+            f"{loaded.origin}: a drive does not run on a recorded deflection.",
             "Leave --recording and --data out: its inputs are recorded from the simulation.",
         )
     if not loaded.laws:
         if seconds is not None:
-            raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave it out.")
+            raise UserError(f"{loaded.origin}: --seconds is for a drive.", "Leave --seconds out.")
         from esea_gen.verify.streams import domain_chirp
 
         deflections = recorded_streams(loaded, recording, data) or {
@@ -161,7 +161,7 @@ def emulate(
 def _show_tasks(results: dict[str, Any]) -> None:
     from rich.table import Table
 
-    table = Table("task", "runs", "bits", "instructions a run", "stack, B")
+    table = Table("task", "runs", "bits", "instructions per run", "stack, B")
     for name, r in results.items():
         same = "the host's" if r.identical else "DIFFER"
         n = r.instructions

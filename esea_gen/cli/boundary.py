@@ -29,10 +29,10 @@ from esea_gen.python_file import MODULE
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
 MOST_TRACEBACKS = 20
 
-ROOM = "Make room, or name other folders: TMPDIR for scratch files, XDG_CACHE_HOME for stored ones."
-RIGHTS = "Give another place, or get the rights to this one."
+ROOM = "Free disk space, or set other folders: TMPDIR for scratch files, XDG_CACHE_HOME to store."
+RIGHTS = "Give another path, or obtain access rights to this one."
 AWAY = "Check address, cable and power."
-GONE = "Check that the device is plugged in and sound."
+GONE = "Check that the device is plugged in and works."
 # What to do about what the machine refuses.
 REMEDIES = {
     errno.ENOSPC: ROOM,
@@ -42,16 +42,16 @@ REMEDIES = {
     errno.EACCES: RIGHTS,
     errno.EPERM: RIGHTS,
     errno.ENOENT: "Check the name.",
-    errno.ENOTDIR: "Check the name: a part of it is a file.",
+    errno.ENOTDIR: "Check the path: a folder in it is a file.",
     errno.EISDIR: "It is a folder: give a file.",
     errno.EEXIST: "Give another name.",
     errno.ENOTEMPTY: "Give a new folder.",
-    errno.ELOOP: "Its links point at each other: give another file.",
+    errno.ELOOP: "Its symbolic links form a loop: give another file.",
     errno.ENAMETOOLONG: "Give a shorter name.",
     errno.EMFILE: "Raise the limit on open files: ulimit -n.",
     errno.ENFILE: "End other programs: all of this machine's files are open.",
-    errno.ENOMEM: "End other programs, or take a smaller input.",
-    errno.EADDRINUSE: "End the program that has the port, or give another port; 0: any.",
+    errno.ENOMEM: "End other programs, or use a smaller input.",
+    errno.EADDRINUSE: "End the program that uses the port, or give another port (0: any).",
     errno.EADDRNOTAVAIL: AWAY,
     errno.ECONNREFUSED: AWAY,
     errno.ECONNRESET: AWAY,
@@ -61,7 +61,7 @@ REMEDIES = {
     errno.EIO: GONE,
     errno.ENODEV: GONE,
     errno.ENXIO: GONE,
-    errno.ENOEXEC: "Install the program anew: it is not for this machine.",
+    errno.ENOEXEC: "Reinstall the program: it was built for another machine.",
 }
 # Errors of these modules come from what is read: files that are damaged, or of another kind.
 READERS = {
@@ -124,7 +124,7 @@ def _told(program: str, error: BaseException) -> int:
         _print(f"{program}: {error.code}")
         return REFUSED
     if by_hand(error):
-        _print(f"{program}: stopped. What was written before is complete.")
+        _print(f"{program}: stopped. Files written before are complete.")
         return INTERRUPTED
     if output_closed(error):
         return 1
@@ -162,7 +162,7 @@ def explained(error: BaseException) -> str | None:
     if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):  # pathlib's
         return f"{error}. {REMEDIES[errno.ELOOP]}"
     if isinstance(error, MemoryError):
-        return "The memory does not suffice. Take a smaller input, or a machine with more."
+        return "Not enough memory. Use a smaller input, or a machine with more memory."
     if isinstance(error, RecursionError):
         return f"{INPUT}: it is nested too deeply. {_given()}"
     if isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("esea"):
@@ -171,7 +171,7 @@ def explained(error: BaseException) -> str | None:
             'Install it with: pip install "esea-gen[host]"'
         )
     if isinstance(error, ImportError) and ".so" in str(error):
-        return f"A library cannot be loaded ({error}). Install what it names."
+        return f"A library cannot be loaded ({error}). Install the library that it names."
     module = type(error).__module__.partition(".")[0]
     if module in READERS or isinstance(error, UnicodeError | EOFError):
         return f"{INPUT} ({type(error).__name__}: {error}). {_given()}"
@@ -193,7 +193,7 @@ def _given() -> str:
 def _fault(program: str, error: BaseException) -> str:
     # Keep the traceback for whoever mends it; people read where it is.
     text = "".join(traceback.format_exception(error))
-    head = f"this is a fault of the program ({type(error).__name__}: {error})".rstrip(": ")
+    head = f"this is a bug in the program ({type(error).__name__}: {error})".rstrip(": ")
     frame = traceback.extract_tb(error.__traceback__)[-1:]
     where = "".join(f"{os.path.basename(f.filename)}, line {f.lineno}" for f in frame)
     try:

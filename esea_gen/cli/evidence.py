@@ -23,7 +23,7 @@ SearchOption = Annotated[
     int,
     option(
         "--search N",
-        "Also search N motions for the worst torque of rate and sensor together.",
+        "Also search N motions for the largest torque error of rate and sensor together.",
         min=0,
     ),
 ]
@@ -73,15 +73,15 @@ def _bound_note(result: Any, block: str) -> str:
         (100 * d / scale[k] for c in items for k, d in c.drift.items() if k in scale), default=0.0
     )
     if any(c.rule == EXACT_STEP for c in items):
-        return f"each step the executor's; a free run comes {apart:.2g} % apart, not bounded"
+        return f"each step equals the executor's; a free run deviates by {apart:.2g} %, not bounded"
     stated = [c for c in items if c.rule == STATED]
     if stated:
         more = sum(c.turned for c in stated)
-        return f"a program: within a stated share, not derived; {more} steps say more of themselves"
+        return f"program: within a stated share, not derived; {more} steps set more status flags"
     residuals = [c.residual for c in result.comparisons if c.block == block and c.residual]
     if block not in result.bounds and residuals:
         worst, limit = max(residuals)
-        return f"gives the request back to {worst:.2g} Nm (limit {limit:.2g} Nm)"
+        return f"reproduces the request to {worst:.2g} Nm (limit {limit:.2g} Nm)"
     wide = result.telling_nothing(block)
     if wide:
         port, percent = max(wide.items(), key=lambda w: w[1])
@@ -96,7 +96,7 @@ def _bound_note(result: Any, block: str) -> str:
     turned = sum(c.turned for c in items)
     return (
         f"{name}: each within the derived bound ({percent:.2g} %), {turned} decisions turned by "
-        f"rounding; a free run comes {apart:.2g} % apart, not bounded"
+        f"rounding; a free run deviates by {apart:.2g} %, not bounded"
     )
 
 
@@ -166,9 +166,7 @@ def coverage(
             f"{name}: {100 * c.ratio:.1f} % of the sides, {len(c.excluded)} proven impossible"
         )
         out.lines(f"  not seen: {side}" for side in c.uncovered)
-        out.lines(
-            f"  only by a fault of the arithmetic, not proven: {side}" for side in c.detectors
-        )
+        out.lines(f"  only by an arithmetic fault, not proven: {side}" for side in c.detectors)
     out.lines(f"{n}: not measured: a program of loops; see docs/verification.md" for n in programs)
     blocks = {name: c.to_dict() for name, c in found.items()}
     write_json(json_file, "coverage", {"blocks": blocks})
@@ -249,7 +247,7 @@ def traces_check(folder: TraceFolder = Path("tests/traces")) -> None:
 
 @traces.command("accept")
 def traces_accept(folder: TraceFolder = Path("tests/traces")) -> None:
-    """Accept the present behaviour."""
+    """Accept the current behaviour."""
     from esea_gen.verify.traces import accept_traces
 
     out.lines(accept_traces(folder))
@@ -312,7 +310,7 @@ def faults(
         str,
         option(
             "--table NAME",
-            "Instead, by person from limp to stiff: encoders that are wrong but plausible "
+            "Table by person, from limp to stiff, instead: wrong but plausible encoders "
             "('encoders'), or both categories of stop ('stops').",
         ),
     ] = "",
@@ -321,7 +319,7 @@ def faults(
     jobs: options.JobsOption = -1,
     resume: options.JournalOption = None,
     emulator: Annotated[
-        int, option("--emulator N", "Repeat so many of them on an emulated Cortex-M7.", min=0)
+        int, option("--emulator N", "Number of runs to repeat on an emulated Cortex-M7.", min=0)
     ] = 0,
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
@@ -329,7 +327,7 @@ def faults(
     """Inject faults into a drive's inputs, memory, clock and link; exit 1 beyond a stated bound.
 
     The firmware runs on the board `sim` in lockstep with the virtual exoskeleton and a person; with
-    --emulator a sample of the runs is played to the image of the board mps2-an500, tick by tick.
+    --emulator a sample of the runs is repeated on the image of the board mps2-an500, tick by tick.
     With --table, several laws of --controller (smc,cascade) are compared.
     """
     from esea_gen.analysis.campaign import Workers
@@ -338,8 +336,8 @@ def faults(
 
     if (emulator or figure) if table else controller:
         raise UserError(
-            "--table goes with --controller, the other faults with --emulator and --figure.",
-            "Leave one out.",
+            "--table excludes --emulator and --figure; --controller requires --table.",
+            f"Leave {'--emulator and --figure' if table else '--controller'} out.",
         )
     if table:
         choose("table", table, (ENCODERS, STOPS))

@@ -36,7 +36,7 @@ from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_gen.typed import read_number
 
-CONTROLLER_HELP = "Name of a controller (a wrong one lists all), FILE.py:law or a device file."
+CONTROLLER_HELP = "Name of a controller (an unknown one lists all), FILE.py:law or a device file."
 
 
 class SimulateCommand(TyperCommand):
@@ -93,7 +93,7 @@ def _reproduce(written: Written) -> Callable[..., None]:
         if data is None:
             raise UserError(
                 f"esea-gen reproduce {written.name} needs recordings.",
-                "Add --data DIR, the folder that they lie in.",
+                "Add --data DIR, the folder of the recordings.",
             )
         run(json_file, figure, data)
 
@@ -105,18 +105,18 @@ def _reproduce(written: Written) -> Callable[..., None]:
 
 def _whole_thesis(
     chapters: Annotated[
-        list[int] | None, option("--chapter", "Only this one; may be given again.", min=3, max=8)
+        list[int] | None, option("--chapter", "Only this one; repeatable.", min=3, max=8)
     ] = None,
     given: Annotated[
         list[Path] | None,
         option(
             "--given FILE",
-            "JSON of esea-host study virtual, or of assess evaluate; again for more.",
+            "JSON of esea-host study virtual, or of assess evaluate; repeatable.",
         ),
     ] = None,
     page: Annotated[
         Path | None,
-        option("--page FILE", "Also write the page, HTML.", callback=writable),
+        option("--page FILE", "Also write an HTML page.", callback=writable),
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -146,7 +146,7 @@ ControllersOption = Annotated[
     list[str] | None,
     option(
         "--controller NAME",
-        f"{CONTROLLER_HELP} Default: {BEST_CONTROLLER}. Given again: one table of all.",
+        f"{CONTROLLER_HELP} Default: {BEST_CONTROLLER}. Repeatable: one table of all.",
         autocompletion=completing(configured),
     ),
 ]
@@ -163,24 +163,22 @@ OffOption = Annotated[
     str,
     option(
         "--off FAMILY",
-        "Model mismatch of the plant; several with a comma "
-        "between, or all (a wrong one lists them).",
+        "Model mismatch of the plant: one, several "
+        "separated by commas, or all (an unknown one lists them).",
     ),
 ]
 FaultOption = Annotated[
     str,
     option(
         "--fault KIND:ENCODER@SECONDS[=AMOUNT]",
-        "Let an encoder fail: freeze, slip, drift, gain, zero or one (a bit), noise; of load, "
+        "Encoder fault: freeze, slip, drift, gain, zero or one (a bit), noise; of load, "
         "motor, both or gear.",
     ),
 ]
 
 AxisOption = Annotated[
     str,
-    option(
-        "--axis NAME", "Of several axes: which is moved, the others at 0 Nm. Default: the first."
-    ),
+    option("--axis NAME", "Axis that is moved, the others at 0 Nm; default: the first."),
 ]
 
 app.add_typer(
@@ -209,13 +207,13 @@ def simulate(
         str | None,
         option(
             "--person NAME",
-            f"Who moves the load: {', '.join(PEOPLE)}; default: what suits plant and study.",
+            f"Person who moves the load: {', '.join(PEOPLE)}; default: depends on plant and study.",
             autocompletion=completing(lambda: PEOPLE),
         ),
     ] = None,
     off: OffOption = "none",
     seed: options.SeedOption = 0,
-    runs: Annotated[int, option("--runs", "Runs of each case.", min=1)] = 1,
+    runs: Annotated[int, option("--runs", "Runs per case.", min=1)] = 1,
     real: Annotated[str, option("--real f64|f32|q31", "Number format of the controller.")] = "f32",
     fault: FaultOption = "",
     axis: AxisOption = "",
@@ -270,7 +268,7 @@ def passivity(
     controller: ControllerOption = BEST_CONTROLLER,
     plant: PlantOption = "real",
     points: Annotated[int, option("--points N", "Gains along each axis.", min=2, max=41)] = 9,
-    push: Annotated[float, option("--push RAD_S", "Speed that the push gives a free hand.")] = 0.5,
+    push: Annotated[float, option("--push RAD_S", "Speed of a free hand after the push.")] = 0.5,
     seed: options.SeedOption = 0,
     wall: Annotated[
         float,

@@ -25,7 +25,9 @@ app.add_typer(export, name="export", no_args_is_help=True)
 
 FormatOption = Annotated[str, option("--real f64|f32", "Number format of the C.")]
 AnyFormatOption = Annotated[str, option("--real f64|f32|q31", "Number format of the C.")]
-FolderOption = Annotated[Path | None, option("--out DIR", "Output folder; default: named by it.")]
+FolderOption = Annotated[
+    Path | None, option("--out DIR", "Output folder; default: named by device and tool.")
+]
 
 
 @export.command("fmu")
@@ -55,7 +57,7 @@ def export_fmu(
         str | None,
         option(
             "--person",
-            "Person in the virtual exoskeleton; default: by the plant.",
+            "Person in the virtual exoskeleton; default: depends on the plant.",
             metavar="|".join(PEOPLE),
             autocompletion=completing(lambda: PEOPLE),
         ),
@@ -65,7 +67,7 @@ def export_fmu(
     real: FormatOption = "f32",
     platforms: Annotated[
         str | None,
-        option("--platforms all|host", "Binaries; default: for all where zig is installed."),
+        option("--platforms all|host", "Platforms; default: all if zig is installed."),
     ] = None,
     controller: ControllerOption = None,
 ) -> None:
@@ -77,7 +79,7 @@ def export_fmu(
     from esea_gen.export.model import block_model, controller_model, twin_model
 
     if fmi not in ("2", "3"):
-        raise UserError(f"--fmi {fmi}: there is no such version here.", "Give 2 or 3.")
+        raise UserError(f"--fmi {fmi}: unsupported version.", "Give 2 or 3.")
     every = _platforms(platforms)
     if block is not None and plant is not None:
         raise UserError("--block and --plant ask for two FMUs.", "Give one of them.")
@@ -89,8 +91,8 @@ def export_fmu(
 
             if loaded.drive is None:
                 raise UserError(
-                    f"{loaded.name} has no drive, so there is no virtual exoskeleton of it.",
-                    "Take a device with one, such as elbow_drive.",
+                    f"{loaded.name} has no drive, so it has no virtual exoskeleton.",
+                    "Give a device with one, such as elbow_drive.",
                 )
             suits = {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
             variant = plant_variant(loaded, plant, person or suits, seed)
@@ -115,18 +117,18 @@ def _platforms(asked: str | None) -> Any:
     from esea_gen.export.fmu import every_platform
 
     if asked not in (None, "all", "host"):
-        raise UserError(f"--platforms {asked}: there is no such choice.", "Give all or host.")
+        raise UserError(f"--platforms {asked}: unknown choice.", "Give all or host.")
     every = () if asked == "host" else every_platform()
     if asked == "all" and not every:
-        from_extra("ziglang", "compiler", "A binary for other platforms")
+        from_extra("ziglang", "compiler", "Compiling for other platforms")
     return every
 
 
 @export.command("check")
 def export_check(
-    path: Annotated[Path, typer.Argument(metavar="FILE", help="An FMU of esea-gen's.")],
+    path: Annotated[Path, typer.Argument(metavar="FILE", help="FMU exported by esea-gen.")],
 ) -> None:
-    """Check that an FMU is intact: complete, as exported, and of one content."""
+    """Check that an FMU is intact: complete, unchanged, and from one export."""
     from esea_gen.export.fmu import check_fmu
 
     found = check_fmu(path)

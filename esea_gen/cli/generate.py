@@ -93,8 +93,8 @@ def check(
 
     if not folder.is_dir():
         raise UserError(
-            f"{folder}: there is no generated output here to compare with.",
-            "Run this in the folder that has it, name it with --in, or make it: esea-gen build.",
+            f"{folder}: there is no generated output to compare with.",
+            "Run this in its parent folder, give that with --in, or generate it: esea-gen build.",
         )
     stale = 0
     for name in devices or sorted(shipped_devices()):
@@ -154,9 +154,9 @@ def new(
         raise UserError(f"{path} exists already.", "Give another file with --out, or move it away.")
     if (give or motor) and not short:
         option_ = "--give" if give else "--motor"
-        raise UserError(f"{option_} answers questions of --short.", "Add --short.")
+        raise UserError(f"{option_} works only with --short.", "Add --short.")
     if motor and len(motor) > 1:
-        raise UserError(f"--motor is there {len(motor)} times.", "Give one motor.")
+        raise UserError(f"--motor is given {len(motor)} times.", "Give one motor.")
     if short:
         text = _short(name, base or BEST_DRIVE, give or [], motor[0] if motor else None)
     else:
@@ -167,10 +167,10 @@ def new(
     # The first line tells editors where the schema is.
     write_whole(path, f"#:schema ./{SCHEMA_FILE}\n{text}")
     out.print(f"device file: {path}")
-    out.print(f"schema for editors: {beside}{'' if fresh else ' (was there, left as it is)'}")
+    out.print(f"schema for editors: {beside}{'' if fresh else ' (exists, left unchanged)'}")
     out.print(f"Edit the numbers, their status and source, then: esea-gen build {path}")
     if short:
-        out.print(f"See whether it follows: esea-gen simulate tuning --controller {path}")
+        out.print(f"Check torque tracking: esea-gen simulate tuning --controller {path}")
 
 
 def terminal() -> bool:
@@ -194,13 +194,13 @@ def _short(name: str, base: str, words: list[str], kit: str | None) -> str:
     if not terminal():
         short.refuse_missing(given, motor)
     elif asked:
-        print(f"{len(asked)} numbers; Enter takes the one in brackets.")
+        print(f"{len(asked)} numbers; Enter accepts the one in brackets.")
 
     def repeat() -> str:  # answers that somebody typed are not lost
         rows = "".join(f" \\\n  --give {k}={v:.12g}" for k, v in given.items())
         named = "" if kit is None else f" --motor {kit}"
         again = f"esea-gen new {name} --short --from {base}{named}{rows}"
-        return f"To correct one, change it here:\n  {again}"
+        return f"To correct a number, change it in:\n  {again}"
 
     for k, q in enumerate(asked, 1):
         while q.name not in given:
@@ -211,7 +211,7 @@ def _short(name: str, base: str, words: list[str], kit: str | None) -> str:
             except UserError as error:
                 print(f"   {error}")
             except EOFError:
-                raise UserError("No more answers came; nothing was written.", repeat()) from None
+                raise UserError("The input ended; nothing was written.", repeat()) from None
     text = short.short_text(name, base, given, motor)
     try:
         _ = parse_device(text, f"{name}.toml").system  # what cannot be built is not written
@@ -234,11 +234,11 @@ def schema(
         str | None,
         typer.Argument(
             metavar="RESULT",
-            help="What a command writes as JSON, such as simulate; default: device files.",
+            help="Command whose JSON result is described, such as simulate; default: device files.",
             autocompletion=completing(result_schemas),
         ),
     ] = None,
-    listed: Annotated[bool, option("--list", "Names of the results.")] = False,
+    listed: Annotated[bool, option("--list", "List the names of the results.")] = False,
     target: Annotated[Path | None, option("--out FILE", "Output file; default: print.")] = None,
 ) -> None:
     """Print a JSON schema: of device files, for completion in editors, or of a result."""

@@ -30,7 +30,7 @@ SearchOption = Annotated[
     option(
         "--search NAME",
         "How the published model's shape is searched: multi-start, evolution (SciPy's), or "
-        "thesis (as large as its search, then an interior point method).",
+        "thesis (as large as in the thesis, then an interior point method).",
     ),
 ]
 ResumeOption = Annotated[
@@ -76,8 +76,8 @@ def identify(
         bool,
         option(
             "--compare",
-            "Only compare models, two from the literature too; with --out, write the chosen "
-            "one's device file.",
+            "Only compare models, including two from the literature; with --out, write the "
+            "chosen model's device file.",
         ),
     ] = False,
     search: SearchOption = "multi-start",
@@ -88,7 +88,7 @@ def identify(
 ) -> None:
     """Fit the torque model to a recording: device file and report.
 
-    Of a recording without a mapping (FILE.csv), propose one and write it beside the file.
+    For a recording without a mapping (FILE.csv), propose one and write it beside the file.
     """
     if mapping.suffix.lower() != ".toml" and mapping.is_file():
         for p in context.command.params:
@@ -103,16 +103,17 @@ def identify(
     how = _searching(search, jobs, resume, draw)
     if model not in FORMS and (search, resume, draw) != ("multi-start", None, None):
         raise UserError(
-            f"Nothing is searched in '{model}': a member's weights are solved.",
+            f"The model '{model}' needs no search: its weights are solved.",
             "Leave --search, --resume and --draw out.",
         )
     if compare and (inverse or model != CHOSEN):
         given = "--inverse" if inverse else "--model"
-        raise UserError(f"--compare chooses the model itself: {given}.", f"Leave {given} out.")
+        raise UserError(
+            f"--compare chooses the model itself and takes no {given}.", f"Leave {given} out."
+        )
     if inverse and model not in FORMS:
         raise UserError(
-            f"--inverse refits the published inverse, which is of the published model, not of "
-            f"'{model}'.",
+            f"--inverse refits the inverse of the published model, not of '{model}'.",
             "Leave it out: a member of the family has an exact inverse of its own.",
         )
     if not compare:
@@ -213,7 +214,7 @@ def advise(
     mapping: options.MappingArgument,
     data: options.DataOption = None,
     minutes: Annotated[
-        float, option("--minutes", "How long the motions may take in all.", min=0.1)
+        float, option("--minutes", "Longest total duration of the motions.", min=0.1)
     ] = 10.0,
     folder: Annotated[
         Path | None,
@@ -241,8 +242,8 @@ def reliability(
     table: Annotated[
         Path,
         typer.Argument(
-            help="CSV: a column a specimen, a row a condition, torques in Nm. Or a mapping file "
-            "(.toml) whose conditions are specimens: one model is fitted to all, and to each."
+            help="CSV: one column per specimen, one row per condition, torques in Nm. Or a mapping "
+            "file (.toml) whose conditions are specimens: one model is fitted to all, and to each."
         ),
     ],
     data: options.DataOption = None,
@@ -273,9 +274,7 @@ def uncertainty(
     seed: options.SeedOption = 1,
     residual_deg: Annotated[
         float,
-        option(
-            "--residual-deg", "Encoder nonlinearity left after correction, degrees.", min=0, max=5
-        ),
+        option("--residual-deg", "Encoder nonlinearity after correction, degrees.", min=0, max=5),
     ] = 0.1,
     recording: options.RecordingOption = None,
     data: options.DataOption = None,
@@ -300,9 +299,9 @@ def uncertainty(
 @app.command("torque-check")
 def torque_check(
     device: options.DeviceArgument,
-    mass: Annotated[float | None, option("--mass KG", "Mass hung on the arm.")] = None,
+    mass: Annotated[float | None, option("--mass KG", "Mass on the arm.")] = None,
     arm: Annotated[
-        float | None, option("--arm M", "From the joint axis to where the mass hangs.")
+        float | None, option("--arm M", "Distance from the joint axis to the mass.")
     ] = None,
     angle: Annotated[
         float | None, option("--angle DEG", "Angle of the arm to the horizontal; default: 0.")
@@ -339,7 +338,7 @@ def torque_check(
     if resume is not None:
         if load:
             raise UserError(
-                "--resume already knows the load.",
+                "--resume takes the load from its file.",
                 "Leave --mass, --arm, --angle and their uncertainties out, or start again.",
             )
         check = TorqueCheck.resumed(loaded, read_json(resume, "Give the file that --json wrote."))
@@ -369,7 +368,7 @@ def friction(
         list[Path],
         typer.Argument(
             metavar="FILE",
-            help="A run at one speed each: exports of EPOS Studio, or CSV with omega_rad_s and "
+            help="One run per speed: exports of EPOS Studio, or CSV with omega_rad_s and "
             "tau_Nm at the motor shaft. A folder: all its .csv.",
         ),
     ],
@@ -391,7 +390,7 @@ def friction(
     from esea_gen.report.figures import friction_picture
 
     if (device is None) != (folder is None):
-        raise UserError("--device and --out go together.", "Give both, or neither.")
+        raise UserError("--device and --out work only together.", "Give both, or neither.")
     files = [f for p in runs for f in (sorted(p.rglob("*.csv")) if p.is_dir() else [p])]
     loaded = None if device is None else esea_gen.load_device(device)
     if loaded is not None and loaded.file.actuator is None:
@@ -417,17 +416,17 @@ def encoder_table(
         Path,
         typer.Argument(help="CSV with the encoder's count and a better encoder's reference_rad."),
     ],
-    side: Annotated[str, option("--side motor|load", "Which joint encoder it is.")] = "motor",
-    nodes: Annotated[int, option("--values", "Values of the table.")] = 32,
+    side: Annotated[str, option("--side motor|load", "Joint encoder that was recorded.")] = "motor",
+    nodes: Annotated[int, option("--values", "Number of values in the table.")] = 32,
     orientation: Annotated[
-        float, option("--orientation-rad", "At which the encoder is mounted.")
+        float, option("--orientation-rad", "Angle at which the encoder is mounted.")
     ] = 0.0,
     folder: Annotated[
         Path | None, option("--out DIR", "Write the device file with the table.")
     ] = None,
     json_file: options.JsonOption = None,
 ) -> None:
-    """Correction table of an encoder from a recording beside a better one."""
+    """Correction table of an encoder from a recording with a better one."""
     from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table
 
     choose("side", side, ("motor", "load"))

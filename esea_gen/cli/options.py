@@ -74,7 +74,7 @@ def writable(path: Path | None) -> Path | None:
         folder = path.absolute().parent
         while not folder.exists() and folder != folder.parent:
             if folder.is_symlink():
-                raise UserError(f"{path}: {folder} is a link to nothing.", fix)
+                raise UserError(f"{path}: {folder} is a broken link.", fix)
             folder = folder.parent
         longest = path_limit(folder, "PC_NAME_MAX")
         for part in path.parts:
@@ -122,7 +122,7 @@ ControllerOption = Annotated[
     option(
         "--controller NAME",
         "In place of the file's laws: a controller (mpc), a law (sliding_mode), FILE.py:law; "
-        "several with a comma between.",
+        "separate several with commas.",
         autocompletion=completing(configured),
     ),
 ]
@@ -148,7 +148,7 @@ def chosen_formats(real: list[str] | None, known: Collection[str] = ()) -> list[
 
 def _jobs(value: int) -> int:
     if value < 1 and value != -1:
-        raise UserError(f"--jobs {value}: no number of processes.", "Give 1 or more, or -1.")
+        raise UserError(f"--jobs {value}: not a number of processes.", "Give 1 or more, or -1.")
     return value
 
 
@@ -182,7 +182,7 @@ def picture_file(figure: Path | None, *endings: str) -> Path | None:
     """An output file whose ending, of these, chooses its format."""
     if endings and figure is not None and figure.suffix.lower() not in endings:
         fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
-        raise UserError(f"{figure}: not a picture's name.", fix)
+        raise UserError(f"{figure}: not the name of a picture file.", fix)
     return writable(figure)
 
 

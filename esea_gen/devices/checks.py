@@ -23,7 +23,7 @@ def check_rubber(file: DeviceFile) -> Iterator[UserError]:
     if file.elastomer is not None and file.family is not None:
         yield UserError(
             "there are both [elastomer] and [family]: a coupling has one torque model.",
-            "Take one of them out.",
+            "Remove one of them.",
         )
     if file.elastomer is not None:
         yield from _check_published(file)
@@ -66,7 +66,7 @@ def _check_family(file: DeviceFile) -> Iterator[UserError]:
             "family.terms: the torque need not rise with the deflection: a spring of "
             'rise "x" or "bend", of both sides and without path_softening, is missing, or its '
             "weight_Nm is 0.",
-            "Add one, however small its weight: only then has a torque one deflection.",
+            "Add one, however small its weight: only then does each torque have one deflection.",
         )
 
 
@@ -75,8 +75,8 @@ def _check_temperature(t: FamilyTemperature) -> Iterator[UserError]:
     at = "family.temperature"
     if not low < high:
         yield UserError(
-            f"{at}.high_C = {high:g} degC is not above {at}.low_C = {low:g} degC: the factor holds "
-            "nowhere.",
+            f"{at}.high_C = {high:g} degC is not above {at}.low_C = {low:g} degC: the range is "
+            "empty.",
             "Give the range of temperatures that was recorded.",
         )
     elif not low <= reference <= high:
@@ -90,7 +90,7 @@ def _check_temperature(t: FamilyTemperature) -> Iterator[UserError]:
         if least < LEAST_FACTOR:
             yield UserError(
                 f"{at}.per_K = {t.per_K.value:g} 1/K makes the factor {least:.3g} at {worst:g} "
-                f"degC, below its limit {LEAST_FACTOR:g}: next to no torque would be left.",
+                f"degC, below its limit {LEAST_FACTOR:g}: almost no torque would remain.",
                 "Narrow the range, or correct per_K.",
             )
 
@@ -102,7 +102,7 @@ def _check_term(at: str, term: FamilyTerm) -> Iterator[UserError]:
         if given and key != own:
             yield UserError(
                 f"{at}.{key} has no meaning: the term's kind is '{term.kind}', not '{kind}'.",
-                "Take it out, or correct the kind.",
+                "Remove it, or correct the kind.",
             )
         if not given and key == own:
             yield UserError(
@@ -111,14 +111,14 @@ def _check_term(at: str, term: FamilyTerm) -> Iterator[UserError]:
             )
     if term.exponent is not None and term.kind != "maxwell":
         yield UserError(
-            f"{at}.exponent has no meaning: only a maxwell term has shares.", "Take it out."
+            f"{at}.exponent has no meaning: only a maxwell term has shares.", "Remove it."
         )
     if (term.bend is None) == (term.rise == "bend"):
         missing = term.bend is None
         yield UserError(
             f"{at}.bend {'is missing' if missing else 'has no meaning'}: the rise is "
             f"'{term.rise}'.",
-            "Add bend, with status and source." if missing else 'Take it out, or write "bend".',
+            "Add bend, with status and source." if missing else 'Remove it, or write "bend".',
         )
     if term.strain_softening is not None and term.path_softening is not None:
         yield UserError(
@@ -129,11 +129,11 @@ def _check_term(at: str, term: FamilyTerm) -> Iterator[UserError]:
         shaped = [k for k in ("strain_softening", "path_softening") if getattr(term, k) is not None]
         shaped += [k for k, usual in (("rise", "x"), ("side", "both")) if getattr(term, k) != usual]
         if shaped:
-            yield UserError(f"{at}.{shaped[0]} has no meaning: an offset is constant.", "Take out.")
+            yield UserError(f"{at}.{shaped[0]} has no meaning: an offset is constant.", "Omit it.")
     elif term.weight_Nm.value < 0:
         yield UserError(
             f"{at}.weight_Nm = {term.weight_Nm.value:g} is below its limit 0: such a {term.kind} "
-            "would give energy away.",
+            "would generate energy.",
             "Give 0 or above; only an offset may be negative.",
         )
 
@@ -201,7 +201,7 @@ def _check_texts(file: DeviceFile) -> Iterator[UserError]:
         if bad is not None:
             yield UserError(
                 f"{key} holds {bad}, which would end or break a comment of the C.",
-                "Take it out.",
+                "Remove it.",
             )
 
 
@@ -211,8 +211,8 @@ def _check_relations(file: DeviceFile) -> Iterator[UserError]:
     period = round(1e6 / rate)
     if abs(1e6 / rate - period) > WHOLE_PERIOD * period:
         yield UserError(
-            f"timing.sense_rate_Hz = {rate:g} Hz is a period of {1e6 / rate:.6g} us, no "
-            f"whole number of microseconds: the board would run with {period} us, and the model "
+            f"timing.sense_rate_Hz = {rate:g} Hz is a period of {1e6 / rate:.6g} us, not a "
+            f"whole number of microseconds: the board would run with {period} us, the model would "
             "not.",
             f"Give {1e6 / period:.9g} Hz.",
         )
@@ -240,9 +240,9 @@ NEEDS = {
     "redundancy": ("compares the drive with the joint", ("actuator", "joint")),
     "monitor": ("watches a drive's encoders and command", DRIVE),
     "motor_thermal": ("limits a drive's torque", DRIVE),
-    "passivity": ("bounds what a drive gives", DRIVE),
-    "adaptation": ("turns what a drive is asked for", DRIVE),
-    "cable": ("goes with the motor's own encoder", ("redundancy",)),
+    "passivity": ("bounds a drive's energy", DRIVE),
+    "adaptation": ("adapts a drive's desired torque", DRIVE),
+    "cable": ("requires the motor's own encoder", ("redundancy",)),
 }
 # Numbers of which the first may not be above the second.
 ORDERED = (
@@ -328,7 +328,7 @@ def _check_control(file: DeviceFile) -> Iterator[UserError]:
         yield UserError(
             f"timing.control_release_s = {release:g} s is not a whole number of sensing "
             f"periods ({1 / sense:g} s) up to the control period ({1 / rate:g} s).",
-            "Give such a number, or leave it out.",
+            "Give such a multiple, or leave it out.",
         )
 
 

@@ -88,8 +88,8 @@ def tell_of_bandwidth(origin: str, device: Document, shipped: Mapping[str, Docum
         warnings.warn(
             f"{origin}: velocity: bandwidth_Hz = {own['value']:g} is a shipped device's, designed "
             f"for encoders of 12 and 14 bits; for {bits:g} bits {suited:g} Hz suits (esea-gen "
-            "reproduce chain). Give what you choose in your file, with its source, and this "
-            "warning stops.",
+            "reproduce chain). To end this warning, give your value in the file, with its "
+            "source.",
             stacklevel=2,
         )
 
@@ -144,7 +144,7 @@ def _said(
         )
     return (
         f"{origin}: {group.section}: {stated} are {name}'s, designed for {others}. {fix}. "
-        "Give what you choose in your file, with its source, and this warning stops."
+        "To end this warning, give your value in the file, with its source."
     )
 
 

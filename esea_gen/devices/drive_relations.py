@@ -42,7 +42,7 @@ def check_drive(file: DeviceFile) -> Iterator[UserError]:
         yield UserError(
             f"actuator.fc_Nm = {a.fc_Nm.value:g} is not below the largest torque at the joint, "
             f"gear_ratio = {n:g} times safety.u_max_Nm = {top_Nm:g}: the motor cannot turn.",
-            "Correct one of them.",
+            "Lower fc_Nm, or raise gear_ratio or u_max_Nm.",
         )
     resonance = resonance_Hz(file)
     if control is not None and (rate := control.value) < LEAST_SAMPLES * resonance:
@@ -143,7 +143,7 @@ def _unwise(file: DeviceFile) -> Iterator[str]:
         yield (
             f"actuator: gear_ratio = {n:g} times safety.u_max_Nm is {top:.3g} Nm at the joint, "
             f"below domain.tau_full_scale_Nm = {full:g}: larger desired torques are not reached. "
-            "Raise either, or desire less."
+            "Raise either, or reduce the desired torque."
         )
     if top > MOST_TRIPS * trip:
         yield (

@@ -116,7 +116,7 @@ class DeviceData:
         """The published model's numbers; a member of the family has none."""
         if self.file.elastomer is None:
             raise UserError(
-                f"{self.origin}: the torque model is [family], and what was asked for is made for "
+                f"{self.origin}: the torque model is [family], but this requires "
                 "the published model, [elastomer].",
                 "Use a device with [elastomer]: identify --model published writes one.",
             )
@@ -202,7 +202,7 @@ def _resolved(text: str, origin: str, over: Sequence[str] = ()) -> dict[str, Any
     if not isinstance(scaled, bool) or (scaled and base is None):
         raise UserError(
             f"{origin}: scaled = {scaled!r}{'' if base else ' without extends'}.",
-            'Write scaled = true beside extends = "elbow_drive", or take it out.',
+            'Write scaled = true beside extends = "elbow_drive", or remove it.',
         )
     if base is None:
         return _with_controllers(_with_controllers(document, controllers), over)

@@ -75,7 +75,7 @@ def read_answer(question: DeviceQuestion, text: str) -> float:
             f"Give a {kind}{question.unit}, such as {question.typical:g}.",
         )
     if value == 0 and facts["low"] == 0:
-        raise UserError(f"{question.name} = 0 is not possible.", f"Give {question.typical:g}, say.")
+        raise UserError(f"{question.name} = 0 is invalid.", f"Give about {question.typical:g}.")
     if problem := beyond(question.name, value, dict(facts)):
         raise problem
     return value
@@ -88,7 +88,7 @@ def read_given(words: list[str]) -> dict[str, float]:
     for i, (name, _) in enumerate(pairs):
         choose("number to --give", name, known)
         if name in dict(pairs[:i]):
-            raise UserError(f"--give {name} is there twice.", "Give it once.")
+            raise UserError(f"--give {name} is given twice.", "Give it once.")
     return {name: read_answer(known[name], value) for name, value in pairs}
 
 
@@ -105,8 +105,8 @@ def refuse_missing(given: Mapping[str, float], motor: MotorKit | None = None) ->
     if missing := [q for q in questions(motor) if q.name not in given]:
         rows = "\n".join(f"  --give {q.name}={q.typical:g}   {q}" for q in missing)
         raise UserError(
-            f"{len(missing)} of {len(QUESTIONS)} numbers are missing, and nobody is there to ask.",
-            f"Give them, or run this on a terminal:\n{rows}",
+            f"{len(missing)} of {len(QUESTIONS)} numbers are missing; the input is not a terminal.",
+            f"Give them, or run this in a terminal:\n{rows}",
         )
 
 

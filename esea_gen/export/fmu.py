@@ -251,5 +251,5 @@ def check_fmu(path: Path) -> dict[str, Any]:
             raise UserError(f"{path}: {name} was changed after the export.", fix)
     for name, content in files.items():
         if (name == DESCRIPTION or _is_binary(name)) and token.encode() not in content:
-            raise UserError(f"{path}: {name} is of another content than the rest.", fix)
+            raise UserError(f"{path}: {name} comes from another export than the rest.", fix)
     return manifest

@@ -50,7 +50,7 @@ def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
             return (path,)
     if find_spec("ziglang") is None:
         raise UserError(
-            "There is no C compiler: neither gcc nor clang, and not zig, which pip installs.",
+            "No C compiler is installed: neither gcc, clang nor zig.",
             'Install one: pip install "esea-gen[compiler]", or '
             f"apt-get install --no-install-recommends {HOST_GCC.package}",
         )
@@ -59,7 +59,7 @@ def compiler(tools: Toolchain = HOST_GCC) -> tuple[str, ...]:
 
 def zig(target: str) -> tuple[str, ...]:
     """Command of zig's C compiler for a target, by zig's name."""
-    package = from_extra("ziglang", "compiler", "What is compiled for other platforms")
+    package = from_extra("ziglang", "compiler", "Compiling for other platforms")
     # What it makes of libraries is kept; what it makes of ours is kept by us.
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(cache_folder() / "zig"))
     os.environ.setdefault("ZIG_LOCAL_CACHE_DIR", scratch_folder())

@@ -172,7 +172,7 @@ def advise(result: Identification, minutes: float) -> Advice:
 
 def _notes(result: Identification, timed: bool) -> tuple[str, ...]:
     notes = [
-        "Inside the domain of the recording; the expected figures take the model's form for right."
+        "Inside the domain of the recording; the expected figures assume a correct model form."
     ]
     if not timed and not all(r.timed for r in result.recordings):
         notes.append("Record the time: without it no rate term can be identified.")

@@ -94,11 +94,11 @@ def notes_of(
     reach = max(float(np.abs(r.theta_rad).max()) for r in recordings)
     if fit.values["omega_rad"] >= reach:
         yield (
-            "No stop slips within the recorded deflection: the stops are a spring there, not to be "
-            "told from k1."
+            "No stop slips within the recorded deflection: the stops act as a spring, "
+            "indistinguishable from k1."
         )
     if fit.values["alpha_Nm_rad"] == 0:
-        yield "The stop operators carry no torque: beta and omega mean nothing."
+        yield "The stop operators carry no torque: beta and omega have no meaning."
 
 
 def recording_notes(source: MappingFile, recordings: list[Recording]) -> Iterator[str]:
@@ -186,26 +186,26 @@ def temperature_notes(
         return
     if factor is None or sigma_per_K is None:
         yield (
-            f"Temperature: what it changes is not known; training is at {known[0]:g} to "
-            f"{known[-1]:g} degC, and two at least {LEAST_APART_K:g} K apart would tell."
+            f"Temperature: its effect is not known. Training is at {known[0]:g} to "
+            f"{known[-1]:g} degC; two temperatures at least {LEAST_APART_K:g} K apart are needed."
         )
         return
     low, high = (100 * (factor.per_K + side * LIKELY * sigma_per_K) for side in (-1, 1))
     yield (
-        f"Temperature: every weight but an offset's changes by {100 * factor.per_K:.3g} % a kelvin "
+        f"Temperature: every weight but an offset's changes by {100 * factor.per_K:.3g} % per K "
         f"(95 %: {low:.3g} to {high:.3g}), trained from {known[0]:g} to {known[-1]:g} degC. On the "
-        "board temperature_C is the reference until somebody sets it, in every Block that has it."
+        "board temperature_C is the reference until it is set, in every Block that has it."
     )
     edge = at_edge(factor)
     if edge is not None:
         yield (
-            f"The change a kelvin is at the {edge} end of what is searched, beyond which the "
+            f"The change per kelvin is at the {edge} end of its search, beyond which the "
             f"factor would fall below {LEAST_FACTOR:g} between {factor.low_C:g} and "
-            f"{factor.high_C:g} degC, or leave the device file's bounds: the rubber's own may lie "
-            "beyond, and its interval says nothing."
+            f"{factor.high_C:g} degC, or leave the device file's bounds: the rubber's may lie "
+            "beyond, and its interval has no meaning."
         )
     elif not low * high > 0:
-        yield "The change by temperature is not to be told from none."
+        yield "The change by temperature cannot be distinguished from zero."
 
 
 def told_apart_notes(
@@ -223,18 +223,18 @@ def told_apart_notes(
     for kind, count in softened.items():
         why, more = UNSEEN[kind]
         yield (
-            f"Softening by {kind} is not seen: {why} in what trains. {count} softened "
-            f"{'term is' if count == 1 else 'terms are'} not to be told from unsoftened ones, "
+            f"Softening by {kind} is not seen: {why} in the training data. {count} softened "
+            f"{'term is' if count == 1 else 'terms are'} indistinguishable from unsoftened ones, "
             f"which carry that torque: the model does not soften by it, the rubber may. {more}"
         )
     if others:
         yield (
-            "Not told apart by what trains, so that the simpler one in brackets carries the "
+            "Not distinguished by the training data; the simpler term in brackets carries the "
             f"torque: {'; '.join(others)}."
         )
     open_ended = [terms[i].text for i, s in sigma.items() if s is not None and not math.isfinite(s)]
     if open_ended:
         yield (
-            "Not determined, other weights of these give the same torque in what trains (standard "
+            "Not determined, other weights of these give the same torque in training (standard "
             f"deviation infinite): {'; '.join(open_ended)}."
         )

@@ -165,7 +165,7 @@ def reliability(torques_Nm: Mapping[str, Array]) -> Reliability:
     bms, jms, ems = mean_squares(table)
     if ems <= 1e-24 * max(bms, jms) or bms <= 0:
         raise UserError(
-            "The specimens differ by nothing but a constant, or the conditions not at all: there "
+            "The specimens differ only by a constant, or the conditions do not differ: there "
             "is no variance to judge by.",
             "Give measured torques, and conditions that differ.",
         )

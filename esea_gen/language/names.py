@@ -72,4 +72,4 @@ def check_name(kind: str, name: str) -> None:
         better = better.lower()
     if fault_of(better):
         better += "_value"
-    raise ValueError(f"{kind} name {name!r} {fault}; take {better!r}, say")
+    raise ValueError(f"{kind} name {name!r} {fault}; use {better!r}, for example")

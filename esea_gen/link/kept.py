@@ -67,8 +67,8 @@ def kept_values(session: Session) -> tuple[tuple[KeptValue, ...], str, tuple[str
     asked, text = dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_STATUSTEXT
     if session.command(asked, text, drop_before=True) != dialect.MAV_RESULT_ACCEPTED:
         raise LinkError(
-            "this board does not say which kept parameters are in force",
-            "Its firmware is older, or it is paired: give --key.",
+            "this board does not report which stored parameters are in force",
+            "If it is paired, give --key; otherwise update its firmware.",
         )
     values: list[KeptValue] = []
     others: list[str] = []
@@ -96,9 +96,9 @@ def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:
     if answer.result == dialect.MAV_RESULT_DENIED:
         raise LinkError(f"{list(serials)}: two encoders have one serial number")
     if answer.result == dialect.MAV_RESULT_UNSUPPORTED:
-        raise LinkError("this board keeps no zeros", "It has no memory, or no encoders.")
+        raise LinkError("this board cannot store zeros", "Use a board with memory and encoders.")
     if answer.result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
-        raise LinkError("the board names no encoders in this state", "Switch the motor off.")
+        raise LinkError("the board accepts no encoders in this state", "Switch the motor off.")
     return _use(answer)
 
 
@@ -132,7 +132,7 @@ def name_coupling(session: Session, axis: int, serial: int) -> None:
 
 
 def forget_coupling(session: Session, serial: int) -> None:
-    _name(session, _FORGET, serial, f"{serial}: no coupling of this number lies aside")
+    _name(session, _FORGET, serial, f"{serial}: no coupling in store has this number")
 
 
 def _name(session: Session, axis: int, serial: int, denied: str) -> None:
@@ -146,9 +146,11 @@ def _name(session: Session, axis: int, serial: int, denied: str) -> None:
     if result == dialect.MAV_RESULT_DENIED:
         raise LinkError(denied, "Forget one that is no longer used.")
     if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
-        raise LinkError("the board names no coupling in this state", "Switch the motor off.")
+        raise LinkError("the board accepts no coupling in this state", "Switch the motor off.")
     if result != dialect.MAV_RESULT_ACCEPTED:
-        raise LinkError("this board keeps no couplings", "It has no memory, or not so many.")
+        raise LinkError(
+            "this board stores no such coupling", "Give an axis of a board with memory."
+        )
 
 
 def read_blackbox(
@@ -183,4 +185,4 @@ def _part(session: Session, first: int, records: int = 0) -> Any:
 def release_blackbox(session: Session) -> None:
     """Restart the black box and discard its content."""
     if _part(session, 0, _RELEASE).count:
-        raise LinkError("the black box was not released", "A paired board asks for its key.")
+        raise LinkError("the black box was not released", "If the board is paired, give --key.")

@@ -16,13 +16,13 @@ from esea_gen.link.received import shown
 from esea_gen.link.transport import LinkError, Transport
 
 MOST_ON_THE_WAY = 64
-UNSIGNED = "If it is paired, it takes what is signed with its key (use_key)."
+UNSIGNED = "If it is paired, sign with its key: use_key(file)."
 LATE = (
-    "It came too late: half a second after the board's time that it carries. Is the line full, or "
-    "does something keep bytes back? Ask for fewer streams, or take a faster line."
+    "It came more than half a second after the board's time that it carries: the line is full, or "
+    "bytes are buffered. Ask for fewer streams, or use a faster line."
 )
 BUSY = "this board is commanded by "  # and by whom, to those who come beside
-OTHERS = "End it, or let it command. A stop is taken from anybody."
+OTHERS = "End it, or let it command. A stop is accepted from any program."
 AGE_S = 0.5  # as the board has it
 FRESH_S = 0.05  # the board's time is asked for again before a single command
 SOONEST_S, LATEST_S = 0.05, 1.0  # between two questions for it while set-points are sent
@@ -299,7 +299,7 @@ class Messenger:
         self._refuse_beside()
         what = f"no {name} came within {limit_s:g} s"
         if frames:
-            fix = f"{frames} others of this dialect did: is the line full, or the device another?"
+            fix = f"{frames} others of this dialect did: use a faster line, or check the device."
         elif noise_bytes:
             what += f", but {noise_bytes} bytes that are not frames"
             fix = "Check the baud rate, and that the firmware is this device's."

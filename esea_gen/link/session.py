@@ -195,7 +195,7 @@ class Session(Messenger):
         told = partial(self._told_of, p)
         answer = self.repeated("PARAM_VALUE", lambda: self.send(question), told)
         if answer.get_type() == "PARAM_ERROR":
-            raise LinkError(f"the board has no {p.name}", "Its firmware is of another device.")
+            raise LinkError(f"the board has no {p.name}", "Use its firmware's device file.")
         return float(answer.param_value)
 
     def set_parameter(self, name: str, value: float) -> float:
@@ -213,7 +213,7 @@ class Session(Messenger):
         if error == self.dialect.MAV_PARAM_ERROR_PERMISSION_DENIED:
             raise self._refused(f"set {p.name}")
         if error == self.dialect.MAV_PARAM_ERROR_DOES_NOT_EXIST:
-            raise LinkError(f"the board has no {p.name}", "Its firmware is of another device.")
+            raise LinkError(f"the board has no {p.name}", "Use its firmware's device file.")
         what = f"{p.name} = {value:g} {p.unit} is outside {p.low:g} to {p.high:g}"
         raise LinkError(f"{what}; it was left as it is")
 
@@ -228,11 +228,11 @@ class Session(Messenger):
 
     def save_parameters(self) -> None:
         """Have the board keep the values in force without power."""
-        self._store("save its parameters", 1.0, "This board keeps none without power.")
+        self._store("save its parameters", 1.0, "This board has no permanent memory.")
 
     def load_parameters(self) -> None:
         """Put those in force that the board keeps."""
-        self._store("load its parameters", 0.0, "It keeps none, or of other firmware.")
+        self._store("load its parameters", 0.0, "Save them first with this firmware.")
 
     def default_parameters(self) -> None:
         """Put all defaults in force; stored values stay."""

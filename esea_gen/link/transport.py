@@ -115,7 +115,7 @@ class SerialTransport(Transport):
                 raise _taken(port) from None
             what = f"{port} cannot be opened ({_why(error)})"
             raise LinkError(
-                what, "Check the name, your rights to it, and who else has it."
+                what, "Check the name, your access rights, and other programs that use it."
             ) from None
 
     def read(self, timeout_s: float) -> bytes:
@@ -183,7 +183,7 @@ class PtyTransport(Transport):
             os.close(handle)
 
 
-FROM_FILE = "Name a board; of a recording: esea-host show, or esea-host replay."
+FROM_FILE = "Give a board; for a recording use esea-host show or esea-host replay."
 
 
 class FileTransport(Transport):

@@ -170,7 +170,7 @@ class FittedMember:
         for term, weight in zip(self.member.terms, self.weights_Nm, strict=True):
             if term.kind != "offset" and not weight >= 0:
                 raise ValueError(
-                    f"{self.member.name}: a {term.kind} of weight {weight:g} would give energy away"
+                    f"{self.member.name}: a {term.kind} of weight {weight:g} would generate energy"
                 )
 
     @property

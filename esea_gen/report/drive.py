@@ -189,7 +189,7 @@ def _worst(scales: dict[str, float], comparisons: list[Comparison]) -> dict[str,
 
 def _yardstick_note(found: Findings) -> str:
     if not found.yardsticks:
-        return f"Nothing stands beside “as published”: {no_yardstick(found.device)}"
+        return f"No results “as published”: {no_yardstick(found.device)}"
     return (
         f"“As published” is {YARDSTICK}: the thesis' sliding mode control with its gaps filled, "
         "on the same plant and person. The thesis' own figures are of its own device, and shown "
@@ -207,7 +207,7 @@ def _notes(found: Findings) -> dict[str, Any]:
         "esea-gen simulate runs many.",
         _yardstick_note(found),
         "Exit code 0: the C matches the model, and no run of the device's controller was unstable "
-        "or ended early. The size of an error does not enter.",
+        "or ended early. The size of an error does not affect it.",
         *board_note(found),
     ]
     return {"notes": notes, **made_with(found)}

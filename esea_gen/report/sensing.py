@@ -314,7 +314,7 @@ def _recording_notes(found: Findings) -> list[str]:
         ]
     out = [
         "The fit to the measured torque judges the model and its parameters, not the C; "
-        "it does not enter pass or fail."
+        "it does not affect pass or fail."
     ]
     if any(r.recording is not None and not r.recording.timed for r in found.runs):
         out.append("The recording has no time: its sampling period is assumed.")

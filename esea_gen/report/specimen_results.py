@@ -29,7 +29,7 @@ from esea_gen.toml_file import checked
 
 IDENTIFIED, COMPARED, AGREED, LIFE = "identify", "identify-compare", "reliability", "host-life"
 NAMES = {COMPARED: "model choice", AGREED: "reliability", LIFE: "life used"}
-AGAIN = "Make it again with this version."
+AGAIN = "Write it again with this version."
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def _check_scale(path: Path, content: dict[str, Any], identified: dict[str, Any]
         raise UserError(
             f"{path}: its full scale is {theirs:.6g} Nm, the identification's {ours:.6g} Nm: the "
             "mapping file has changed between them.",
-            "Make both again.",
+            "Generate both again.",
         )
 
 
@@ -227,8 +227,8 @@ def _check_agreed(path: Path, content: dict[str, Any], source: MappingFile) -> N
     if name not in known:
         which = "no [specimen] name" if name is None else f"specimen '{name}'"
         raise UserError(
-            f"{path}: is of the specimens {', '.join(known)}; {source.origin} has {which}.",
-            "Give a result that it is part of, or its name there: [specimen] name in the mapping.",
+            f"{path}: describes the specimens {', '.join(known)}; {source.origin} has {which}.",
+            "Give a result that includes it, or its name there: [specimen] name in the mapping.",
         )
 
 
@@ -236,12 +236,12 @@ def _check_life(path: Path, content: dict[str, Any], source: MappingFile) -> Non
     serial, known = source.mapping.specimen.serial, [c["serial"] for c in content["couplings"]]
     if not known:
         raise UserError(
-            f"{path}: tells of no coupling.", "Name the coupling: esea-host life --coupling."
+            f"{path}: contains no coupling.", "Name the coupling: esea-host life --coupling."
         )
     if serial not in known:
         which = "no [specimen] serial" if serial is None else f"serial = {serial}"
         raise UserError(
-            f"{path}: tells of coupling {', '.join(map(str, known))}; {source.origin} has {which}.",
+            f"{path}: contains coupling {', '.join(map(str, known))}; {source.origin} has {which}.",
             "Give the lives of the board that counts it, or its number: [specimen] serial in the "
             "mapping.",
         )

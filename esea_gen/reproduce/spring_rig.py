@@ -120,8 +120,8 @@ def _published(folder: Path, loop: str, torque_Nm: float, repetition: int) -> fl
     rows = bandwidth_Hz[rated_Nm == torque_Nm]
     if len(rows) < repetition:
         raise UserError(
-            f"{path}: {len(rows)} rows for {torque_Nm:g} Nm, repetition {repetition} is wanted.",
-            "Take the file as published.",
+            f"{path}: {len(rows)} rows for {torque_Nm:g} Nm, repetition {repetition} is needed.",
+            "Use the file as published.",
         )
     return float(rows[repetition - 1])
 
@@ -129,7 +129,7 @@ def _published(folder: Path, loop: str, torque_Nm: float, repetition: int) -> fl
 def _sweep(folder: Path, path: Path) -> SweepCheck:
     named = re.match(r"bw_sea(_cl)?-([\d.]+)-(\d+)-", path.name)
     if named is None:
-        raise UserError(f"{path}: not a sweep's name.", "Keep the names of the data set.")
+        raise UserError(f"{path}: not a sweep's name.", "Use the file names of the data set.")
     loop = "closed" if named[1] else "open"
     time, u, y = _columns(path, "time", "torque_in", "torque_ati")
     response = sweep_response(time, u, y, SWEEP)

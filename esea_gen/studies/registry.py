@@ -109,7 +109,7 @@ class Reproduction(Study, Generic[Made]):
     recordings: ClassVar[bool] = False
 
     def run(self, say: Callable[[str], None], folder: Path | None) -> Made:
-        raise UserError(f"study {self.name}: has no method run.", "Write it: what is recomputed.")
+        raise UserError(f"study {self.name}: has no method run.", "Add the method run.")
 
     def reproduced(self, outcome: Made) -> bool:
         return True

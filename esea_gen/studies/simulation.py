@@ -67,7 +67,7 @@ class ClosedLoopStudy(Study):
     thesis_Nm: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def cases(self) -> list[Case]:
-        raise UserError(f"study {self.name}: has no method cases.", "Write it: the list of cases.")
+        raise UserError(f"study {self.name}: has no method cases.", "Add it; it lists the cases.")
 
     def of(self, device: Device) -> Self:
         """The study on a device; one that scales, in the device's own torques and movements."""
@@ -108,14 +108,14 @@ class ClosedLoopStudy(Study):
         asked = max(float(np.max(np.abs(c.trajectory.tau_desired_Nm))) for c in self.cases_run())
         if asked > 1.001 * full:
             lines.append(
-                f"asked for up to {asked:.3g} Nm, above full scale, {full:.3g} Nm: what is beyond "
-                "is not followed, and counts as error"
+                f"desired torque up to {asked:.3g} Nm, above full scale, {full:.3g} Nm: the "
+                "excess is not followed, and counts as error"
             )
         total, ended = len(done.monte_carlo.results), len(done.ended())
         if ended:
             lines.append(
-                f"{ended} of {total} runs were unstable, tripped, latched or failed; what is given "
-                "of their errors includes the time after that"
+                f"{ended} of {total} runs were unstable, tripped, latched or failed; their "
+                "errors include the time after that"
             )
         every = np.array([e["rms_true_Nm"] for e in done.cases() if e["rms_true_Nm"] is not None])
         if runs > 1 and len(every):
@@ -403,7 +403,7 @@ def _check_time(study: ClosedLoopStudy, text: str) -> None:
         raise UserError(
             f"'{text}': {at_s:g} s is outside {FAULT_FROM_S:g} to {end_s:g} s: the controller is "
             f"armed first, and the shortest case of {study.name} then ends.",
-            "Give a time inside.",
+            "Give a time in that range.",
         )
 
 

@@ -332,7 +332,7 @@ def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]
         raise UserError(
             f"{name} = {', '.join(f'{v:g}' for v in outside)} is outside {tunable.low:g} to "
             f"{tunable.high:g}, what {device.origin} allows ({tunable.meaning}).",
-            "Give values inside.",
+            "Give values in that range.",
         )
     return array
 

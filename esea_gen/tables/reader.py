@@ -90,5 +90,5 @@ def _content(path: Path, name: str) -> bytes:
 
 def _too_large(name: str, size: int, most: int) -> UserError:
     return UserError(
-        f"{name}: has {size} bytes, above the limit of {most}.", "Give it in parts, or thin it."
+        f"{name}: has {size} bytes, above the limit of {most}.", "Split it, or keep fewer samples."
     )

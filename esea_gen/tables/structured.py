@@ -122,7 +122,7 @@ def apart(raw: bytes, name: str) -> Content:
         )
     except subprocess.TimeoutExpired:
         raise UserError(
-            f"{name}: is not read within the limit of {LONGEST_S:g} s.", "Give it in parts."
+            f"{name}: is not read within the limit of {LONGEST_S:g} s.", "Split the file."
         ) from None
     if done.returncode == 2:
         what, _, fix = done.stderr.decode("utf-8", "replace").partition("\n")
@@ -415,7 +415,7 @@ def _damage_named(name: str, kind: str) -> Iterator[None]:
         raise
     except MemoryError:
         raise UserError(
-            f"{name}: needs more memory than there is to read.", "Give it in parts."
+            f"{name}: needs more memory than there is to read.", "Split the file."
         ) from None
     except Exception as error:
         why = shortened(str(error)) or type(error).__name__

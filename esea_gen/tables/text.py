@@ -227,7 +227,7 @@ class TextReader:
                 raise UserError(
                     f"{self.name}: line {line}, column '{shortened(column)}' has the control "
                     f"character U+{ord(found[0]):04X}.",
-                    "Take it out, or check that the file is a table.",
+                    "Remove it, or check that the file is a table.",
                 )
 
     def _ragged(self, line: int, found: int, header_line: int, width: int) -> UserError:

@@ -54,7 +54,7 @@ def _skipped(missed: npt.ArrayLike | None, delay_ticks: int, ticks: int) -> Arra
     skipped = np.zeros(ticks, np.uint8) if missed is None else np.array(missed, dtype=np.uint8)
     if delay_ticks < 0 or skipped.shape != (ticks,):
         raise UserError(
-            f"A delay of {delay_ticks} ticks, missed of shape {skipped.shape} for {ticks} ticks.",
+            f"delay_ticks is {delay_ticks} and missed has shape {skipped.shape} for {ticks} ticks.",
             "Give a delay from 0, and one value a tick.",
         )
     return skipped
@@ -294,7 +294,7 @@ class ClosedLoop:
                 raise UserError("Neither signals nor ticks are given.", "Give ticks.")
             ticks = len(next(iter(signals.values())))
         if not 1 <= ticks < 2**32:
-            raise UserError(f"A run of {ticks} ticks.", "Give 1 to 2**32 - 1.")
+            raise UserError(f"A run cannot have {ticks} ticks.", "Give 1 to 2**32 - 1.")
         return ticks
 
     def run(

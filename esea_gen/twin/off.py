@@ -174,7 +174,7 @@ def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
     """Names of families from a list with commas: names, names of groups, or ``all``."""
     if not given.strip():
         raise UserError(
-            "--off names no family: it is empty.",
+            "--off is empty.",
             f"Leave --off out for {NOTHING} (nothing off), or give {ALL} or a family's name.",
         )
     groups, names = _groups(rigid), list(off_families())
@@ -190,8 +190,8 @@ def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
             raise UserError(
                 f"--off {given}: unknown family '{part}'.",
                 f"{nearest(part, [*groups, *names])}There are {listed}. {', '.join(several)} stand "
-                f"for all of theirs, {ALL} for each but the random ones; several with a comma "
-                "between.",
+                f"for all of theirs, {ALL} for each but the random ones; separate several with "
+                "commas.",
             )
     return list(dict.fromkeys(found))
 

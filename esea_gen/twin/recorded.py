@@ -33,7 +33,7 @@ def _tuning_case(device: Device, ticks: int) -> Trajectory:
     longest_s = len(path.tau_desired_Nm) / RATE_HZ
     if not device.period_s <= ticks * device.period_s <= longest_s:
         raise UserError(
-            f"{1e3 * ticks * device.period_s:g} ms of the tuning case are asked for.",
+            f"{1e3 * ticks * device.period_s:g} ms of the tuning case are requested.",
             f"Give {1e3 * device.period_s:g} to {1e3 * longest_s:g} ms ({longest_s:g} s).",
         )
     return path

@@ -136,7 +136,7 @@ def bounds_or_rule(device: Device, block: Block) -> tuple[dict[str, Bound], Step
         raise UserError(
             f"{device.origin}: the float32 bound derived for {block.name}.tau_Nm is "
             f"{100 * share:.3g} % of full scale, above its limit {100 * MOST_TORQUE_SHARE:g} %: "
-            "C that is that far off would pass.",
+            "C with errors that large would pass.",
             "Narrow the ranges under [limits] or [domain], or raise the offsets eps1 and eps2; "
             "--real f64 verifies the float64 C alone.",
         )
@@ -183,4 +183,4 @@ def broken(bound: Bound, steps: int) -> str:
     return f"{steps} steps break what the bound assumes ({assumed})"
 
 
-UNTRIED = "no stream keeps to what its bound assumes: the bound was not tried"
+UNTRIED = "no stream meets the assumptions of its bound: the bound was not tested"

@@ -77,7 +77,7 @@ def compare(
         result.problems.append(broken(lasting, beyond))
     _judge_residual(device, block, stream, got[0], result)
     if not stream.injections and _repaired(block, got[0]):
-        result.problems.append("the state was judged corrupt although nobody touched it")
+        result.problems.append("the state was judged corrupt although nothing changed it")
     if oracle is not None:
         result.bit_identical = _same_bits(block, oracle, stream, got)
     names = ([p.name for p in ports] for ports in (block.outputs, block.state))

@@ -257,7 +257,7 @@ def test_more_bits_than_the_boards_encoders_send_are_refused(drive, tmp_path):
     for key, now, most in (("resolution_bits", 12, 14), ("encoder_bits", 17, 24)):
         wide = text.replace(f"\n{key} = {{ value = {now}", f"\n{key} = {{ value = {most + 1}", 1)
         assert wide != text
-        said = rf"\.{key} = {most + 1}, .* send {most} bits at most. Give {most} .*mps2-an500"
+        said = rf"\.{key} = {most + 1} is above {most}, .* Give {most} .*mps2-an500"
         with pytest.raises(UserError, match=said):
             build_firmware(parse_device(wide, "mine.toml"), "netduinoplus2", tmp_path)
     drivers = (firmware_folder() / "boards/netduinoplus2/drivers.c").read_text()

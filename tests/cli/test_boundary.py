@@ -43,8 +43,8 @@ def errors():
     yield tomllib.TOMLDecodeError("Invalid value"), 2, "A file is damaged"
     yield EOFError("No data left in file"), 2, "A file is damaged"
     yield RecursionError("maximum"), 2, "nested too deeply"
-    yield RuntimeError("Symlink loop from 'a'"), 2, "links point at each other"
-    yield MemoryError(), 2, "memory does not suffice"
+    yield RuntimeError("Symlink loop from 'a'"), 2, "links form a loop"
+    yield MemoryError(), 2, "Not enough memory"
     yield ModuleNotFoundError("no", name="pylsl.x"), 2, "needs pylsl, which is not installed"
     yield ImportError("libEGL.so.1: cannot open shared object file"), 2, "libEGL.so.1"
     yield UserError("It is wrong.", "Mend it."), 2, "It is wrong. Mend it."
@@ -53,7 +53,7 @@ def errors():
     interrupted = ImportError("initialization failed")  # as of an extension while it is loaded
     interrupted.__cause__ = KeyboardInterrupt()
     yield interrupted, 130, "stopped"
-    yield KeyError("x"), 70, "this is a fault of the program (KeyError: 'x')"
+    yield KeyError("x"), 70, "this is a bug in the program (KeyError: 'x')"
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def test_files_are_written_whole_or_not_at_all(tmp_path):
     with pytest.raises(UserError, match="is not empty"), files.new_whole(tmp_path):
         pass
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "link.txt"]
-    with pytest.raises(UserError, match="is a device"):
+    with pytest.raises(UserError, match="is not a regular file"):
         files.read_whole(Path("/dev/zero"), "")
     with pytest.raises(UserError, match="more than 0 MiB"):
         files.read_whole(path, "", most_bytes=2)

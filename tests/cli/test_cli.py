@@ -117,7 +117,7 @@ def test_a_wrong_mapping_leaves_no_output(tmp_path, old, new, words):
     ("command", "words"),
     [
         (["firmware", "elbow"], ["arm-none-eabi-gcc", "gcc-arm-none-eabi"]),
-        (["verify", "elbow"], ["gcc nor clang", '"esea-gen[compiler]"', "gcc libc6-dev"]),
+        (["verify", "elbow"], ["gcc, clang nor zig", '"esea-gen[compiler]"', "gcc libc6-dev"]),
     ],
 )
 def test_a_missing_compiler_is_named_with_what_installs_it(monkeypatch, tmp_path, command, words):

@@ -59,7 +59,7 @@ def test_predictive_control_needs_no_sliding_mode():
     mine = parse_device(text.replace('"elbow"', '"elbow"'), "mine.toml")
     assert mine.drive is not None
     assert mine.laws == ()  # a drive that nothing moves yet
-    with pytest.raises(UserError, match=r"has a drive, and no law moves it.*--controller"):
+    with pytest.raises(UserError, match=r"has a drive but no control law.*--controller"):
         _ = mine.system
     sections = (ROOT / "esea_gen" / "devices" / "controllers" / "mpc.toml").read_text()
     moved = parse_device(text + sections[sections.index("[predictive]") :], "mine.toml")
@@ -289,7 +289,7 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
     [
         ("sliding_mod", r"Unknown controller 'sliding_mod'.*Did you mean sliding_mode\?"),
         ("nope.toml", r"There is no controller 'nope.toml'"),
-        ("mine.py", r"which law of it"),
+        ("mine.py", r"the law is not named"),
         ("nowhere.py:LAW", r"there is no file nowhere\.py"),
         (EXAMPLE.replace(":LAW", ":LAV"), r"no law 'LAV' in it.*Did you mean LAW\?"),
         ("broken.py:LAW", r"broken\.py, line 1: cannot be imported \(ZeroDivisionError"),

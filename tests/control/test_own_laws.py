@@ -90,7 +90,7 @@ def test_a_number_that_is_written_nowhere_has_no_line(base, tmp_path):
 
 
 def test_a_law_that_is_not_named_is_asked_for():
-    with pytest.raises(UserError, match=r"Write its name there, as mine\.py:LAW"):
+    with pytest.raises(UserError, match=r"Add its name: mine\.py:LAW"):
         controller_device("mine.py")
 
 
@@ -144,7 +144,7 @@ def test_a_device_file_names_its_law_beside_it(own, monkeypatch):
     assert "proportional" in device.system.blocks
     assert load_device(own).system is device.system  # shared, as of any device
     (own.parent / "laws" / "mine.py").write_text(f"{BESIDE}\n# edited\n")
-    with pytest.raises(UserError, match="has not been trusted"):
+    with pytest.raises(UserError, match="Untrusted code"):
         _ = load_device(own).laws
 
 
@@ -161,7 +161,7 @@ def test_a_recording_of_an_own_law_is_replayed_by_the_law_in_it(own, tmp_path):
     own.unlink()
     (own.parent / "laws" / "mine.py").unlink()
     (tmp_path / "config" / "esea-host" / "trusted-code").unlink()
-    with open_log(done.recording) as log, pytest.raises(UserError, match="not been trusted"):
+    with open_log(done.recording) as log, pytest.raises(UserError, match="Untrusted code"):
         verify(log)
 
 

@@ -126,7 +126,7 @@ def test_an_inherited_inertia_names_what_the_same_motor_has():
     ("sections", "words"),
     [
         ({"actuator": {"rotor_kgm2": 2e-4}}, r"J_kgm2 = 0\.663 is below .* 1\.0952\. Give J_kgm2"),
-        ({"timing": {"sense_rate_Hz": 3000.0}}, r"no whole number .* Give 3003\.003 Hz"),
+        ({"timing": {"sense_rate_Hz": 3000.0}}, r"not a whole number .* Give 3003\.003 Hz"),
         ({"actuator": {"fc_Nm": 17.0}}, r"fc_Nm = 17 is not below .* 16\.354: the motor cannot"),
         (
             {"timing": {"control_rate_Hz": 10.0}},
@@ -231,7 +231,7 @@ def test_without_a_terminal_what_is_missing_is_listed_and_nothing_written(monkey
         ("gear_ratio=x", "gear_ratio = 'x' is not a number"),
         ("gear_ratio=0.5", "gear_ratio = 0.5 is below its limit 1"),
         ("gear_ratio=1_0", "gear_ratio = '1_0' is not a number"),
-        ("k1_Nm_rad=0", "k1_Nm_rad = 0 is not possible"),
+        ("k1_Nm_rad=0", "k1_Nm_rad = 0 is invalid"),
         ("encoder_bits=12.5", "not a whole number"),
         ("gear_rato=74", "Did you mean gear_ratio"),
     ):
@@ -268,7 +268,7 @@ def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_pat
     made = load_device(tmp_path / "mine.toml").file
     (tmp_path / "mine.toml").unlink()
     said = asked(monkeypatch, tmp_path, typed="0.35\n2\n1\n" + "\n" * 9)
-    assert "Nothing was written. To correct one" in said  # the answers are not lost
+    assert "Nothing was written. To correct a number" in said  # the answers are not lost
     assert "--give Jh_kgm2=0.35" in said
     assert made.joint.Jh_kgm2.value == 0.35
     assert made.safety.rom_min_rad.value == -0.15  # Enter takes the typical one
@@ -288,7 +288,7 @@ def test_of_a_motor_that_is_named_only_the_joint_is_asked(
 ):
     """The maker's words: torque constant 3/2 / sqrt(3) * 60 / (2 pi) over Kv, of the mj5208 304."""
     said = asked(monkeypatch, tmp_path, "--motor", *f"moteus-{kit}".split(), typed="\n" * 8)
-    assert "8 numbers; Enter takes the one in brackets" in said
+    assert "8 numbers; Enter accepts the one in brackets" in said
     assert "Gear ratio from motor shaft to joint: gear_ratio, 1 to 1000, such as 30" in said
     a = load_device(tmp_path / "mine.toml").file.actuator
     constant = 1.5 / math.sqrt(3) * 60 / (2 * math.pi) / 304
@@ -311,8 +311,8 @@ def test_a_motor_that_is_not_stored_or_gives_less_is_refused(monkeypatch, tmp_pa
         (("--motor", "moteus-c2"), "Unknown motor 'moteus-c2'. Did you mean moteus-c1?"),
         (("--motor", "moteus-c1", "--give", "u_max_Nm=1"), "above moteus-c1's limit 0.5461"),
         (("--motor", "moteus-c1"), "8 of 12 numbers are missing"),
-        (("--motor", "moteus-c1", "--motor", "moteus-n1"), "--motor is there 2 times"),
-        ((*GIVE[:2], *GIVE[:2]), "--give Jh_kgm2 is there twice"),
+        (("--motor", "moteus-c1", "--motor", "moteus-n1"), "--motor is given 2 times"),
+        ((*GIVE[:2], *GIVE[:2]), "--give Jh_kgm2 is given twice"),
     ):
         assert said in asked(monkeypatch, tmp_path, *words)
     assert not list(tmp_path.iterdir())

@@ -446,7 +446,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
     assert "intact; FMI 2.0, f32" in checked.output
     for call, said in (
         (["elbow", "--block", "nobody"], "no Block 'nobody'"),
-        (["elbow", "--fmi", "1"], "no such version"),
+        (["elbow", "--fmi", "1"], "unsupported version"),
         (["elbow", "--platforms", "mac"], "Give all or host"),
         (["elbow", "--real", "q31"], "no number format"),
         (["elbow", "--plant", "real"], "has no drive"),

@@ -270,7 +270,7 @@ def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
     assert "Unknown format 'xls'" in said("export", log, "a.xls", "--to", "xls", code=2)
     assert "not an address" in said("monitor", "elbow", code=2)
     assert "--seconds" in said("demo", "--seconds", "-5", code=2)
-    assert "not a picture's" in said("demo", "--headless", "--report", "a.txt", code=2)
+    assert "not the name of a picture" in said("demo", "--headless", "--report", "a.txt", code=2)
     (tmp_path / "m.toml").write_text(MAPPING)
     words = "import", str(STEP), str(tmp_path / "b.mcap"), "--mapping", str(tmp_path / "m.toml")
     assert "1107 rows, 1 gaps" in said(*words)

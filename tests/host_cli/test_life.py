@@ -259,13 +259,13 @@ def test_each_coupling_has_its_own_count_by_its_number(board):
         name_coupling(board, 0, serial)
     with pytest.raises(LinkError, match="no room"):
         name_coupling(board, 0, 75)
-    with pytest.raises(LinkError, match="lies aside"):
+    with pytest.raises(LinkError, match="no coupling in store"):
         forget_coupling(board, 74)  # it is fitted
     forget_coupling(board, 72)
     name_coupling(board, 0, 75)
     board.restart()
     assert [x.serial for x in coupling_lives(board)] == [75, 71, 73, 74]
-    for axis, serial, why in ((0, 0, "a serial"), (0, 2**32, "a serial"), (1, 5, "keeps no")):
+    for axis, serial, why in ((0, 0, "a serial"), (0, 2**32, "a serial"), (1, 5, "stores no")):
         with pytest.raises(LinkError, match=why):
             name_coupling(board, axis, serial)
 

@@ -142,7 +142,7 @@ def test_a_lag_is_found_between_two_rates_and_taken_out(tmp_path, lag_ms):
     wanted = np.interp(r.time_s + (0 if lag_ms > 0 else dropped_s), fine, true)
     assert np.sqrt(np.mean((r.tau_Nm - wanted)[PER:] ** 2)) < 0.01
     assert "lag of" in dict(result.device.quantities())["family.scale_rad"].source
-    assert "the lag is found too small" in "".join(result.notes)
+    assert "the identified lag too small" in "".join(result.notes)
 
 
 def test_without_a_lag_none_is_taken_and_nothing_changes(tmp_path):

@@ -269,7 +269,7 @@ def test_noise_seldom_chooses_the_dearer_of_two_equal_models():
 
 
 def test_without_anything_held_out_nothing_is_chosen():
-    with pytest.raises(UserError, match="Nothing is held out that could judge"):
+    with pytest.raises(UserError, match="No data are held out to judge"):
         choose(rows({m: [math.nan] for m in COSTS}), set(), COSTS)
 
 

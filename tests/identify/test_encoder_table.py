@@ -90,7 +90,7 @@ def test_the_command_writes_a_device_file_that_has_the_table(tmp_path):
 
 def test_too_little_is_refused():
     count, reference, _ = drawn(0, 1)
-    with pytest.raises(UserError, match="A table of 20 values"):
+    with pytest.raises(UserError, match="20: not a table size"):
         fit_table("motor", count, reference, FULL, 20)
     with pytest.raises(UserError, match="100 samples"):
         fit_table("motor", count[:100], reference[:100], FULL, 16)

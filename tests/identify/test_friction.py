@@ -48,7 +48,7 @@ def test_where_there_is_no_rise_none_is_said():
     found = fit_friction(drawn(1, fs_Nm=0.0))
     assert found.fs_Nm is found.vs_rad_s is None
     assert found.fc_Nm.low <= TRUTH["fc_Nm"] <= found.fc_Nm.high
-    assert "none seen" in "\n".join(found.table())
+    assert "not significant" in "\n".join(found.table())
 
 
 def test_samples_that_somebody_spoilt_are_left_out():

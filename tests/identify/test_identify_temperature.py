@@ -137,8 +137,8 @@ def springs(theta: np.ndarray, temperature_C: float, per_K: float) -> np.ndarray
 @pytest.mark.parametrize(
     ("uses", "said"),
     [
-        ({22.0: "cycles", 24.0: "cycles"}, "training is at 22 to 24 degC"),
-        ({15.0: "cycles", 31.0: "held_out"}, "training is at 15 to 15 degC"),
+        ({22.0: "cycles", 24.0: "cycles"}, "Training is at 22 to 24 degC"),
+        ({15.0: "cycles", 31.0: "held_out"}, "Training is at 15 to 15 degC"),
     ],
 )
 def test_too_near_or_one_temperature_tells_nothing(tmp_path, uses, said):
@@ -159,7 +159,7 @@ def test_no_change_is_not_told_from_none(tmp_path):
     assert abs(done.fitted.temperature.per_K) < 4 * done.sigma_per_K < 2e-4
     assert done.device.file.family.temperature.per_K.status == "assumed"
     told = [*temperature_notes(done.recordings, TemperatureFactor(23, 1e-5, 15, 31), 1e-4)]
-    assert "not to be told from none" in told[-1]
+    assert "cannot be distinguished from zero" in told[-1]
     told = [*temperature_notes(done.recordings, TemperatureFactor(23, 3e-4, 15, 31), 1e-4)]
     assert len(told) == 1
 

@@ -62,7 +62,7 @@ def refused(
         (
             'unit = "deg"',
             'unit = "deg"\nscale_rad_per_m = { value = 1.0, status = "assumed", source = "x" }',
-            ["deflection.scale_rad_per_m = 1 has no meaning", "Take it out"],
+            ["deflection.scale_rad_per_m = 1 has no meaning", "Remove it"],
         ),
         (
             'unit = "deg"',

@@ -258,7 +258,7 @@ def test_the_command(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--figure", "u.xyz"], "not a picture's name"),
+        (["--figure", "u.xyz"], "not the name of a picture file"),
         (["--data", "."], "--data without --recording"),
     ],
 )

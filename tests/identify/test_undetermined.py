@@ -231,9 +231,9 @@ def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
     fitted = fit_member(UnitTerms(FORM, recordings, PER), recordings, 3.0)
     factor = fitted.temperature
     said = "\n".join(temperature_notes(recordings, factor, 1e-4))
-    assert "at the low end of what is searched" in said
+    assert "at the low end of its search" in said
     inside = TemperatureFactor(23.0, 0.9 * factor.per_K, 15.0, 31.0)
-    assert "end of what" not in "\n".join(temperature_notes(recordings, inside, 1e-4))
+    assert "end of its search" not in "\n".join(temperature_notes(recordings, inside, 1e-4))
     device = drafted_member(load_mapping(tmp_path / "map.toml"), recordings, fitted, None, 1e-4)
     source = device.file.family.temperature.per_K.source
     assert "at the low end of its search" in source

@@ -191,7 +191,7 @@ def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_pa
     assert "group B: elastomer, then spring" in shown
     assert "last 45 s analysed" in shown
     for given_, words in (
-        (("--jobs", 0), "no number of processes"),
+        (("--jobs", 0), "not a number of processes"),
         (("--keep", PROTOCOL), "cannot be made"),
     ):
         code, _, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *given_)

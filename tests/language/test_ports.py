@@ -86,7 +86,7 @@ def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
     """And the name that the message proposes is none of them."""
     with pytest.raises(ValueError, match=r"(port|tunable|block) name ") as told:
         define(name)
-    define(str(told.value).rpartition("take ")[2].split("'")[1])
+    define(str(told.value).rpartition("; use ")[2].split("'")[1])
 
 
 X = Port("x", 0, 1, "meaning")

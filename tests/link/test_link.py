@@ -178,7 +178,7 @@ def opened(session):
     [
         (lambda _: b"", "silent for 0.2 s, no HEARTBEAT came. Check that it has power"),
         (lambda _: bytes(77), "but 77 bytes that are not frames. Check the baud rate"),
-        (lambda p: p.frame(output(0)), "1 others of this dialect did: is the line full"),
+        (lambda p: p.frame(output(0)), "1 others of this dialect did: use a faster line"),
     ],
     ids=["silence", "noise", "no heartbeat among the frames"],
 )

@@ -68,7 +68,7 @@ def test_a_paired_board_takes_a_stop_from_anybody_and_nothing_else_unsigned(pair
             refused += 1
     with pytest.raises(LinkError, match="does not arm"):
         board.arm()
-    with pytest.raises(LinkError, match="takes what is signed"):
+    with pytest.raises(LinkError, match="sign with its key"):
         board.set_parameter("smc.margin", 1.5)
     board.want(mode=1.0)
     board.send(board.message("ESEA_SENSE_IN", 0, *[0.0] * 12))

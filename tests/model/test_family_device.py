@@ -109,7 +109,7 @@ def term(kind: str, *lines: str, weight: str = WEIGHT) -> str:
         (term("offset", 'rise = "x^3"'), ["terms[7].rise has no meaning", "constant"]),
         (
             term("spring", weight=WEIGHT.replace("1.0", "-1.0")),
-            ["weight_Nm = -1 is below its limit 0", "give energy away"],
+            ["weight_Nm = -1 is below its limit 0", "generate energy"],
         ),
         (
             term("slip", f"path = {ONE.replace('1.0', '0.0')}"),
@@ -149,7 +149,7 @@ def drive(rig: Device, base: str = "elbow_drive", more: str = "") -> str:
 def test_what_is_made_for_the_published_model_refuses(rig):
     published = drive(rig) + '\n[inverse]\nkind = "published"\n'
     assert "inverse.kind = 'published' with [family]" in refused(published)
-    with pytest.raises(UserError, match="made for the published model"):
+    with pytest.raises(UserError, match="requires the published model"):
         str(rig.elastomer)
 
 
@@ -231,7 +231,7 @@ def test_a_bound_that_says_nothing_of_the_torque_fails(elbow, monkeypatch):
         (["--model", "slips, worn", "--inverse"], "exact inverse of its own"),
         (["--compare", "--inverse"], "chooses the model itself"),
         (["--compare", "--model", "slips, worn"], "chooses the model itself"),
-        (["--model", "slips", "--search", "evolution"], "Nothing is searched in 'slips'"),
+        (["--model", "slips", "--search", "evolution"], "The model 'slips' needs no search"),
         (["--out", __file__], "is a file. Give a folder."),
         (["--out", "/dev/null/a"], "cannot be written (Not a directory)"),
         (["--model", "rubber"], "There is no model 'rubber'"),

@@ -225,7 +225,7 @@ def test_a_frequency_response_ends_where_the_drive_trips():
         (["bread", "--person", "me"], "Unknown person 'me'"),
         (["bread", "--person", "none"], "bread needs a person to move the load"),
         (["tuning", "--real", "f16"], "Unknown number format 'f16'"),
-        (["tuning", "--figure", "a.txt"], "not a picture's name"),
+        (["tuning", "--figure", "a.txt"], "not the name of a picture file"),
         (["tuning", "--jobs", "0"], "Give 1 or more, or -1"),
     ],
 )

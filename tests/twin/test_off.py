@@ -219,8 +219,8 @@ def test_every_family_is_felt(name):
     ("arguments", "said"),
     [
         (["--off", "ruber"], "unknown family 'ruber'. Did you mean rubber?"),
-        (["--off", ""], "--off names no family: it is empty. Leave --off out for none"),
-        (["--off", " "], "--off names no family"),
+        (["--off", ""], "--off is empty. Leave --off out for none"),
+        (["--off", " "], "--off is empty"),
         (["--off", "none,missd"], "Did you mean missed?"),
         (
             ["--off", "backlash", "--plant", "ideal"],

@@ -126,7 +126,7 @@ def test_verify_fails_when_an_assumption_is_broken(drive, block, monkeypatch):
     data = found.to_dict()["comparisons"]
     assert all(c["steps_beyond_the_bounds_assumptions"] > 0 for c in data)
     assert not found.passed
-    assert any("was not tried" in text for text in found.comparisons[0].problems)
+    assert any("was not tested" in text for text in found.comparisons[0].problems)
 
 
 def test_a_step_of_another_matrix_is_counted(drive, block):

@@ -56,7 +56,7 @@ def check_safety(device: DeviceData) -> None:
             room = f" with safety.rom_margin_rad = {margin:g}" if less or more else ""
             raise UserError(
                 f"{device.origin}: {low} = {value[low]:g} is not below {high} = "
-                f"{value[high]:g}{room}: the limit would never act as what it is.",
+                f"{value[high]:g}{room}: the limit could never act.",
                 f"Lower {low} or raise {high}{', or narrow the margin' if room else ''}.",
             )
 

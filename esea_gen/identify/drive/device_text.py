@@ -24,7 +24,7 @@ def _quantity(e: Estimate, source: str, key: str) -> Quantity:
         raise UserError(
             f"The recording gives actuator.{key} = {value:g}, outside {facts['low']:g} to "
             f"{facts['high']:g}.",
-            "Look at the machine: a drive cannot be like that.",
+            "Check the recording and the machine: no drive has such a value.",
         )
     text = f"{source}; {100 * CONFIDENCE:.0f} % interval {e.low:.4g} to {e.high:.4g}"
     return Quantity(value=value, status="identified", source=text)

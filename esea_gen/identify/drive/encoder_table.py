@@ -84,9 +84,9 @@ def read_counts(path: Path, full: int) -> tuple[FileTable, Array, Array]:
     wrong = np.flatnonzero((count < 0) | (count >= full) | (count != np.floor(count)))
     if len(wrong):
         raise UserError(
-            f"{table.at(wrong[0], 'count')}: {count[wrong[0]]:g} is not a count of 0 to "
+            f"{table.at(wrong[0], 'count')}: {count[wrong[0]]:g} is not a count from 0 to "
             f"{full - 1}.",
-            "Leave it out, or give the device with this encoder's resolution_bits.",
+            "Remove the row, or give the device with this encoder's resolution_bits.",
         )
     return table, count, reference
 
@@ -94,7 +94,7 @@ def read_counts(path: Path, full: int) -> tuple[FileTable, Array, Array]:
 def fit_table(side: str, count: Array, reference_rad: Array, full: int, nodes: int) -> EncoderTable:
     """The table of so many nodes that leaves least."""
     if nodes not in TABLE_SIZES:
-        raise UserError(f"A table of {nodes} values.", f"Give {', '.join(map(str, TABLE_SIZES))}.")
+        raise UserError(f"{nodes}: not a table size.", f"Give {', '.join(map(str, TABLE_SIZES))}.")
     if len(count) < LEAST_SAMPLES:
         raise UserError(f"{len(count)} samples.", f"Record {LEAST_SAMPLES} or more.")
     raw = count * (2 * math.pi / full)

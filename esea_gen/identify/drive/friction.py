@@ -85,7 +85,7 @@ class Friction:
         ]
         for name, (unit, text) in ESTIMATES.items():
             e, shown = getattr(self, name), unit.replace("_", "/")
-            value = "none seen: its 95 % interval holds 0"
+            value = "not significant: its 95 % interval contains 0"
             if e is not None:
                 value = f"{e.value:.4g} {shown} (95 %: {e.low:.4g} to {e.high:.4g})"
             lines.append(f"{text}: {value}")
@@ -135,7 +135,7 @@ def _is_epos(path: Path) -> bool:
 def _epos(path: Path, full_Nm: float | None) -> tuple[FileTable, Array, Array]:
     if full_Nm is None:
         raise UserError(
-            f"{path}: torques are in % of the nominal torque, and that is not known.",
+            f"{path}: torques are in % of the nominal torque, which is not given.",
             "Give --full-Nm: 0.00984 for the drives of the recordings of T-RO 2021.",
         )
     lines = [line.rstrip(",") for line in LINE_END.split(read_text(path, "Export it again."))]

@@ -52,7 +52,7 @@ def choose(rows: Sequence[CompareRow], whole: Set[str], costs: Mapping[str, floa
     errors = {m: np.array([cells[m, c] for c in conditions]) for m in costs}
     if not conditions or not np.isfinite(list(errors.values())).all():
         raise UserError(
-            "Nothing is held out that could judge the models.",
+            "No data are held out to judge the models.",
             "Hold cycles or a condition out, or name the model: --model published.",
         )
     mean = {m: math.exp(float(np.log(e).mean())) for m, e in errors.items()}

@@ -298,7 +298,7 @@ def _notes(timed: bool, splits: Sequence[Split], able: Sequence[Any]) -> tuple[s
         notes.append("Time was not recorded: members with Maxwell branches are left out.")
     if not any(s.whole for s in splits):
         notes.append(
-            "There is one condition only: nothing could be left out as a whole. Give conditions."
+            "There is only one condition: none could be left out. Add [[condition]] tables."
         )
     return tuple(notes)
 

@@ -244,7 +244,7 @@ def identify_member(
     if source.mapping.deflection.dead_zone_rad is not None:
         raise UserError(
             f"{source.origin}: deflection.dead_zone_rad: the model '{name}' has no dead zone.",
-            "Take it out, or take the published model, which has one.",
+            "Remove it, or use the published model, which has one.",
         )
     source, recordings, channels = settled(source, lambda s, r: _channel_model(member, s, r))
     tell(0.2, "weights")

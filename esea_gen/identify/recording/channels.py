@@ -61,9 +61,9 @@ TAKEN = {
     DEAD_ZONE: "the device's dead_zone_rad",
 }
 ELSE = {
-    LAG: "A viscosity quicker than the recording, that the model has no term for, leads: by so "
-    "much the lag is found too small, below 0 where there is none.",
-    BACKLASH: "A lag of the torque that nobody took out looks like a gap where all cycles move at "
+    LAG: "A viscosity faster than the recording, and without a term in the model, "
+    "makes the identified lag too small or negative.",
+    BACKLASH: "A remaining lag of the torque looks like a gap if all cycles move at "
     "one rate; so does hysteresis that the model has otherwise.",
     DEAD_ZONE: "",
 }

@@ -209,7 +209,7 @@ def _units(m: Any) -> Iterator[Located]:
                     f"{name}.{key}",
                     f"{name}.{key} = {scale.value:g} has no meaning: the unit '{table.unit}' is "
                     f"{kind} already.",
-                    "Take it out.",
+                    "Remove it.",
                 )
 
 
@@ -221,7 +221,7 @@ def _columns(m: Any) -> Iterator[Located]:
         yield _wrong(
             "torque.column",
             f"column '{twice}' is named twice, for different quantities.",
-            "Each of them has a column of its own.",
+            "Give each quantity its own column.",
         )
 
 
@@ -254,7 +254,7 @@ def _sampling(m: Any) -> Iterator[Located]:
         yield _wrong(
             "sampling.min_step_s",
             f"sampling.min_step_s = {s.min_step_s:g} needs a time column.",
-            "Take it out.",
+            "Remove it.",
         )
     if s.fit_rate_Hz is not None and s.fit_rate_Hz > rate:
         yield _wrong(

@@ -280,7 +280,7 @@ def examined(
     def found(kind: str, text: str, stops: bool = True, advice: str = "") -> None:
         findings.append(Finding(kind, text, stops, advice))
 
-    left_out = "the cycle that holds {} and the next neither train nor judge"
+    left_out = "the cycle with {} and the next are left out of training and judging"
     if missing := gaps(time_s, theta) if timed else []:
         mask |= after_gaps(len(tau), missing, cycles)
         at = max(missing, key=lambda i: time_s[i + 1] - time_s[i])
@@ -300,13 +300,13 @@ def examined(
         found(
             "deflection frozen",
             f"the deflection is frozen for {b - a} samples from sample {a}, while the torque goes "
-            f"beyond what it is there else; {left_out.format('them')}",
+            f"beyond its usual values there; {left_out.format('them')}",
         )
     if loose := backlash_rad(theta, tau, full_scale, cycles):
         found(
             "backlash",
-            f"backlash or a dead zone of {loose:.3g} rad: over that much deflection there is next "
-            "to no torque, which no term of the fitted model gives",
+            f"backlash or a dead zone of {loose:.3g} rad: over that much deflection there is "
+            "almost no torque, which no term of the fitted model describes",
         )
     offset = offset_Nm(theta, tau, mask)
     if offset is not None and abs(offset) > OFFSET_SHARE * full_scale:

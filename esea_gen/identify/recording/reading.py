@@ -39,7 +39,7 @@ MOST_STEPS = 2e7  # of the sensing task over a recording: 5.5 h at 1 kHz
 LEAST_STEP = 0.02  # a recording's usual step, over the sensing period
 HELD_BAND = 0.02  # of its range: a deflection that stays within it is held
 MAX_STIFFNESS_NM_RAD = 1000.0  # bound of k1
-TURNED = Finding("sign", "the torque fell with the deflection and was turned round", False)
+TURNED = Finding("sign", "the torque fell with the deflection; its sign was reversed", False)
 KELVIN_AT_0_C = 273.15
 MAX_THETA_RAD, MAX_TAU_NM = 3.2, 1000.0  # bounds of the device file's ranges
 
@@ -81,7 +81,7 @@ def _check_turned(source: MappingFile, loaded: list[Recording]) -> None:
         straight = next(r.file for r in loaded if r.file not in turned)
         raise UserError(
             f"{source.origin}: torque.sign = 'fit' turns {turned[0]} round and {straight} not.",
-            "On one rig the sign is one: leave the file out that is wrong.",
+            "One rig has one sign: leave out the wrong file.",
         )
 
 
@@ -198,7 +198,7 @@ def _without_lag(
         raise UserError(
             f"{name}: torque.lag_s = {lag_s:g} s leaves {np.count_nonzero(known)} samples, below "
             f"the limit of {MIN_SAMPLES}.",
-            "Correct it; it is in seconds.",
+            "Correct it; the unit is seconds.",
         )
     tau = resample(time, tau, later)[known]
     return time[known] - time[known][0], theta[known], tau

@@ -288,7 +288,7 @@ def study_interaction(
     choose("plant", plant, PLANT_NAMES)
     if not 0 < abs(push_rad_s) <= MOST_PUSH_RAD_S:
         raise UserError(
-            f"A push of {push_rad_s:g} rad/s.",
+            f"The push is {push_rad_s:g} rad/s.",
             f"Give up to {MOST_PUSH_RAD_S:g} rad/s, up or down but not 0: a faster hand would "
             "leave the range of motion.",
         )

@@ -120,8 +120,8 @@ class TorqueCheck:
             )
         if torque < low:
             raise UserError(
-                f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: it would "
-                "tell little.",
+                f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: too small "
+                "for a verdict.",
                 f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the "
                 "arm.",
             )
@@ -309,7 +309,7 @@ class TorqueCheck:
             mass_kg = math.ceil(1000 * least * known.mass_kg / known.torque_Nm) / 1000
             return (
                 f"Nothing is wrong up to {known.torque_Nm:.3g} Nm, but that is {share:.0f} % of "
-                f"full scale: it tells nothing of larger torques, and a sensor passes from "
+                f"full scale: it shows nothing about larger torques, and a sensor passes from "
                 f"{least:.3g} Nm on.",
                 f"Hang at least {mass_kg:g} kg there.",
             )

@@ -33,7 +33,7 @@ class KnownLoad:
     u_g_m_s2: float = 0.02
 
     def __post_init__(self) -> None:
-        known = "Give what the scales and the ruler say."
+        known = "Give the measured value."
         require("the mass", self.mass_kg, 0.01, 100.0, "kg", known)
         require("the arm", self.arm_m, 0.01, 2.0, "m", known)
         tilt, most = math.degrees(self.angle_rad), 60.0
@@ -41,7 +41,7 @@ class KnownLoad:
         require("the mass's uncertainty", self.u_mass_kg, 0.0, self.mass_kg, "kg", known)
         require("the arm's uncertainty", self.u_arm_m, 0.0, self.arm_m, "m", known)
         require("the angle's uncertainty", math.degrees(self.u_angle_rad), 0.0, 30.0, "deg", known)
-        require("gravity", self.g_m_s2, 9.7, 9.9, "m/s^2", "Give that of the place, or leave it.")
+        require("gravity", self.g_m_s2, 9.7, 9.9, "m/s^2", "Give the local value, or leave it out.")
         require("gravity's uncertainty", self.u_g_m_s2, 0.0, 0.1, "m/s^2", known)
 
     @property

@@ -243,7 +243,7 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
     if source.mapping.device.name != device.name:
         raise UserError(
             f"{source.origin}: the recording identified '{source.mapping.device.name}', not "
-            f"'{device.name}': its covariance says nothing of this device.",
+            f"'{device.name}': its covariance does not apply to this device.",
             "Give the identified device's file, or leave --recording out for an assumed spread.",
         )
     recordings = load_recordings(source)

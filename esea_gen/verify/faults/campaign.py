@@ -335,7 +335,7 @@ def fault_campaign(
     made = []
     for r in done.results:
         if r.values is None:
-            raise UserError(f"{r.case}: {r.failure}", "See the message.")
+            raise UserError(f"{r.case}: {r.failure}", "Correct the cause named above.")
         made.append(_judged(device, limits, r.case, r.values))
     return FaultCampaign(device.name, content, limits, tuple(made))
 

@@ -197,7 +197,7 @@ def people_table(
     rows: dict[str, list[Run]] = {}
     for k, result in enumerate(done.results):
         if result.values is None:
-            raise UserError(f"{result.case}: {result.failure}", "See the message.")
+            raise UserError(f"{result.case}: {result.failure}", "Correct the cause named above.")
         row, column = list(made)[k % len(made)]
         law = names[k // (seeds * len(made))]
         rows.setdefault(row, []).append((column, law, result.values))

@@ -263,7 +263,7 @@ class FaultRig:
             elif k == at - 1 and board.state_now != "ACTIVE":
                 raise UserError(
                     f"{scene.name}, seed {seed}: the board is {board.state_now} before the fault.",
-                    "A sound run must be able to go on; see esea-gen simulate.",
+                    "Correct the device until esea-gen simulate runs without a fault.",
                 )
         board.pending()
         work = np.concatenate([[0.0], np.cumsum(power) * 1e-3])
