@@ -29,7 +29,7 @@ from esea_gen.python_file import MODULE
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
 MOST_TRACEBACKS = 20
 
-ROOM = "Free disk space, or set other folders: TMPDIR for scratch files, XDG_CACHE_HOME to store."
+ROOM = "Free disk space, or set other folders: TMPDIR for scratch files, XDG_CACHE_HOME for caches."
 RIGHTS = "Give another path, or obtain access rights to this one."
 AWAY = "Check address, cable and power."
 GONE = "Check that the device is plugged in and works."
