@@ -122,8 +122,8 @@ def export(
     written = _write(study, to, as_, labels)
     study.record("export", form=as_, labels=labels, written=written)
     out.print(f"{to}: {written} {'runs' if as_ == 'bids' else 'rows'}")
-    if found := len(_identifying(study, to)):
-        out.print(f"identifying values: {found}; next: esea-host study export {folder} --check")
+    if count := len(_identifying(study, to)):
+        out.print(f"identifying values: {count}; next: esea-host study export {folder} --check")
     if study.left_out or study.missing():
         raise typer.Exit(1)
 
