@@ -98,7 +98,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def new_whole(path: Path) -> Iterator[Path]:
     """Where to write a new file or folder, which becomes ``path`` unless the body fails."""
     if os.path.lexists(path) and not (path.is_dir() and not any(path.iterdir())):
-        there = "is not empty" if path.is_dir() else "is there already"
+        there = "is not empty" if path.is_dir() else "already exists"
         raise UserError(f"{path} {there}.", "Give another name; nothing is overwritten.")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -253,7 +253,7 @@ def test_two_disorders_add_beyond_the_relaxed(data):
     assert max(session.by_name(), key=session.by_name().get) == "S2+D3"
 
 
-# -- data base --------------------------------------------------------------------------------
+# -- database ---------------------------------------------------------------------------------
 
 
 def line(rate_rad_s: float, seconds: float = 2.0) -> Passage:
@@ -294,7 +294,7 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
         arrays = {n: file[n] for n in file.files}
     arrays["responses_Nm"][0, 0] += 1e-3
     np.savez(tmp_path / "c.npz", **arrays)
-    with pytest.raises(UserError, match="not what was saved"):
+    with pytest.raises(UserError, match="changed after saving"):
         ResponseDataBase.load(tmp_path / "c.npz")
     (tmp_path / "d.npz").write_bytes(path.read_bytes()[:-100])
     (tmp_path / "e.npz").write_text("no")
@@ -306,7 +306,7 @@ def test_one_file_with_its_provenance_and_nothing_slips_in(tmp_path, data):
         with pytest.raises(UserError, match="infinite or missing"):
             ResponseDataBase.load(tmp_path / "g.npz")
     for name in ("d.npz", "e.npz", "f.npz"):
-        with pytest.raises(UserError, match="no data base"):
+        with pytest.raises(UserError, match="no response database"):
             ResponseDataBase.load(tmp_path / name)
 
 

@@ -218,7 +218,7 @@ def test_a_leg_in_hands_does_not_fall(opened, fastest):
         (["pendulum"], "--device"),
         (["range", "x.csv", "--device", "sim:knee"], "--device"),
         (["run", "--headless"], "--device"),
-        (["run", "--json", __file__], "is there already"),
+        (["run", "--json", __file__], "already exists"),
         (["range", "x.csv", "--figure", "x.txt"], "not the name of a picture file"),
         (["run", "--device", "tcp:127.0.0.1:1", "--patient", "simulated:S3"], "sim:knee"),
         (["pendulum", "--device", "sim:elbow_drive"], "has a motor"),

@@ -75,7 +75,7 @@ def test_the_clinician_judges_and_takes_back_and_the_steps_tell(opened):
     assert opened.desk.session.by_name()["D2"] != pytest.approx(0.7)
     assert steps(opened) == ["begin", "clinician", "undone"]
     opened.undo()
-    assert opened.bar.said.text() == "Nothing to take back."
+    assert opened.bar.said.text() == "There is nothing to take back."
     asked = opened.desk.proposed.location
     c.another.click()
     assert opened.desk.proposed.location != asked

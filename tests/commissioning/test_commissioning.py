@@ -156,8 +156,8 @@ def test_results_count_for_their_own_board_only(bench_of, tmp_path):
         ({"reversed_encoders": {"motor", "load"}}, "encoders", "Both joint encoders count the"),
         ({"reversed_encoders": {"motor", "load", "gear"}}, "encoders", "All count down"),
         ({"read_as": SWAPPED}, "sign", "two encoders are swapped"),
-        ({"read_as": {"count_load": ""}}, "encoders", "Look at its magnet and its cable"),
-        ({"motor_gain": 0.0}, "sign", "is the drive enabled"),
+        ({"read_as": {"count_load": ""}}, "encoders", "Check its magnet and cable"),
+        ({"motor_gain": 0.0}, "sign", "the drive is enabled"),
     ],
 )
 def test_what_is_turned_round_is_named_with_what_to_swap(bench_of, wrong, step, words, monkeypatch):

@@ -105,7 +105,7 @@ def test_gain_loss_and_offset_of_a_rubber_that_is_off(drive, gain):
         ({"load": 0.15}, "error of the motor's torque", "agree with each other and not with"),
         ({"motor": 0.2}, "error of the motor's torque", "The sensor agrees with the load"),
         ({"gain": 0.2, "motor": -0.2}, "error of the motor's torque", "with a fixed motor"),
-        ({"offset_Nm": 0.15}, "offset", "Does a hand rest on the arm"),
+        ({"offset_Nm": 0.15}, "offset", "no hand or cable touches the arm"),
     ],
 )
 def test_what_was_stated_wrongly_is_named_and_rejected(drive, wrong, what, fix, sign):

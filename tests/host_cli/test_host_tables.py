@@ -99,7 +99,7 @@ def test_import_counts_what_it_leaves_out_and_a_second_try_is_possible(run, tmp_
     np.testing.assert_array_equal(log["foreign"]["x_rad"], [0, 0.5, 1, 1.5, np.nan])
     np.testing.assert_allclose(log["foreign"].time_s, range(5))
     assert log.events("import")[0]["left_out"] == ["3 rows with no 't' (lines 2, 7, 8)"]
-    with pytest.raises(UserError, match="is there already"):
+    with pytest.raises(UserError, match="already exists"):
         CliRunner().invoke(app, words, catch_exceptions=False, standalone_mode=False)
     (tmp_path / "out.mcap").unlink()
     # A quote as text, and a log with messages: the mapping's own words.

@@ -47,7 +47,7 @@ def test_the_first_minute_leaves_a_recording_its_proof_and_a_page(demo, tmp_path
     with esea_host.open_log(demo.recording) as log:
         assert log.facts["simulated"]
         assert log.events("note")[0]["text"].startswith("simulated")
-    with pytest.raises(UserError, match="is there already"):
+    with pytest.raises(UserError, match="already exists"):
         run_demo("elbow_drive", 4.0, demo.report)
     with pytest.raises(UserError, match=r"elbow has no motor\. This needs elbow_drive or "):
         run_demo("elbow", 4.0, tmp_path / "a.png")
@@ -62,7 +62,7 @@ def test_parameters_are_all_tried_before_one_is_set(simulated_elbow, tmp_path, m
     for words, said in (
         ("reference.Kd_Nms_rad=99", "=99 is not a number from 0 to 0.35 Nm s/rad"),
         ("encoder_motor.zeroed=0.5", "only a calibration sets it.*esea-host zero"),
-        ("reference.Kp_Nm_rad=2", "Kp_Nm_rad is there twice"),
+        ("reference.Kp_Nm_rad=2", "Kp_Nm_rad is given twice"),
     ):
         with pytest.raises(UserError, match=said):
             parameters("x", assign=["Kp_Nm_rad=1", words])
@@ -111,7 +111,7 @@ def test_bids_motion_by_its_specification(demo, tmp_path):
         last = list(log["sense_out"].pieces())[-1]
         with pytest.raises(UserError, match="not a BIDS label"):
             to_bids(log, tmp_path, "0_7", "torque")
-        with pytest.raises(UserError, match="is there already"):
+        with pytest.raises(UserError, match="already exists"):
             to_bids(log, tmp_path, "07", "torque")
     assert path == tmp_path / "sub-07/motion/sub-07_task-torque_tracksys-elbowdrive_motion.tsv"
     rows = [line.split("\t") for line in path.read_text().splitlines()]
@@ -190,7 +190,7 @@ def test_a_foreign_log_is_read_with_its_faults(tmp_path):
     assert table["tau_load_Nm"][0] == pytest.approx(0.05)
     assert np.ptp(table["current_raw"]) < 65536
     assert table["current_raw"].min() < 0
-    with pytest.raises(UserError, match="its time jumps there"):
+    with pytest.raises(UserError, match="time jumps there"):
         table.between(0.0, 1.0)
     assert np.all(np.diff(table.time_s) > 0)
 

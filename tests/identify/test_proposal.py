@@ -79,7 +79,7 @@ def test_a_proposal_reads_the_rigs_signals_back(tmp_path, head, columns, how, as
     assert read.time_s == pytest.approx(TIME_S, abs=1e-6)
     mapping.unlink()
     mapping.symlink_to("nowhere")  # a mapping that is there stays; so does a link
-    for more, said in ([], "is there already"), (["--inverse"], "--inverse"):
+    for more, said in ([], "already exists"), (["--inverse"], "--inverse"):
         again = typed("identify", file.name, *more, cwd=tmp_path)
         assert again.returncode == 2
         assert said in again.stderr

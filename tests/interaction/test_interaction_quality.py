@@ -95,7 +95,7 @@ def test_the_interval_is_of_the_branches_not_of_the_samples():
         (np.sin(np.linspace(0, 4.5, 100)), np.zeros(100), "loading branches"),
         (np.sin(np.linspace(0, 18, 300)), np.zeros(300), "does not rise with the angle"),
         (np.sin(np.linspace(0, 18, 300)), -np.sin(np.linspace(0, 18, 300)), "torque's sign"),
-        (10 * np.sin(np.linspace(0, 18, 300)), np.zeros(300), "give radians"),
+        (10 * np.sin(np.linspace(0, 18, 300)), np.zeros(300), "Give radians"),
     ],
 )
 def test_curves_that_say_nothing(theta, tau, words):
@@ -201,14 +201,14 @@ CODED = "comment,element,coder,theme,tone\n"
         (read_survey, HEADER + "a,A,5,0,0,0\n", "line 2, comfort: answer '5'"),
         (read_survey, HEADER + "a,A,0.5,0,0,0\n", "answer '0.5'"),
         (read_survey, HEADER + "a,C,0,0,0,0\n", "group 'C'"),
-        (read_survey, HEADER + "a,A,0,0,0,0\na,A,0,0,0,0\n", "line 3: participant 'a' again"),
+        (read_survey, HEADER + "a,A,0,0,0,0\na,A,0,0,0,0\n", "line 3: participant 'a' is repeated"),
         (read_survey, HEADER + "a,A,,0,0,0\n", "answer ''"),
         (read_survey, "participant,group\na,A\n", "no column 'comfort'"),
         (read_survey, HEADER, "no rows"),
         (read_comments, CODED + "c,spring,,t,positive\n", "coder without a name"),
         (read_comments, CODED + ",spring,one,t,positive\n", "comment or coder without"),
         (read_comments, CODED + "c,rubber,one,t,positive\n", "element 'rubber'"),
-        (read_comments, CODED + "c,spring,one,t,positive\n", "1 coders"),
+        (read_comments, CODED + "c,spring,one,t,positive\n", "coders: 1"),
         (read_comments, CODED + 2 * "c,spring,one,t,positive\n", "the theme t twice"),
         (
             read_comments,
@@ -370,7 +370,7 @@ def test_a_simulated_recording_makes_the_folder_so(folder, tmp_path):
     copy = changed(folder, tmp_path, "simulated = true", "simulated = false")
     one = copy / "p0_1_tracking.csv"
     one.write_text("# simulated\n" + one.read_text())
-    with pytest.raises(UserError, match=r"p0_1_tracking.csv says that it is simulated"):
+    with pytest.raises(UserError, match=r"p0_1_tracking.csv is marked as simulated"):
         analyse_interaction(copy)
 
 

@@ -375,7 +375,7 @@ def test_a_person_who_stopped_early_is_left_out_by_name(studied, tmp_path):
     (folder / "V002" / "session-2" / "events.jsonl").unlink()
     write_manifest(folder, 5.0)
     assert len(read_manifest(folder).recording) == 6
-    with pytest.raises(UserError, match="1 person with both elements"):
+    with pytest.raises(UserError, match="people with both elements: 1"):
         analyse_interaction(folder)
 
 

@@ -449,7 +449,7 @@ def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(
         main()
     assert ended.value.code == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert "The file stays" in said
+    assert "The file is kept" in said
     assert "did not come back" in said
     with esea_host.open_log(path) as log:
         assert log.state is RecordingState.DISCONNECTED

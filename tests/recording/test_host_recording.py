@@ -139,7 +139,7 @@ def test_arrays_and_frames_with_units(tmp_path):
 def test_nothing_is_overwritten_and_no_other_file_is_read(tmp_path):
     path = tmp_path / "a.mcap"
     path.write_bytes(b"somebody's")
-    with pytest.raises(UserError, match="is there already"):
+    with pytest.raises(UserError, match="already exists"):
         Recorder(path)
     assert path.read_bytes() == b"somebody's"
     with pytest.raises(UserError, match="not an MCAP file"):

@@ -129,7 +129,7 @@ def test_the_command_tells_each_recording_and_refuses_what_has_no_reach(tmp_path
     assert [len(told["files"][x]["reaches"]) for x in files] == [4, 3]
     lines = (DATA / "cp01-1.dat").read_text().splitlines()[:5]
     (tmp_path / "cut.dat").write_text("\n".join(lines) + "\n")
-    with pytest.raises(UserError, match="Not one target changes"):
+    with pytest.raises(UserError, match="No target changes"):
         imported(tmp_path / "cut.dat", tmp_path / "cut.mcap")
     mapping = read_mapping(MAPPING)
     short = mapping.model_copy(update={"columns": mapping.columns[:2]})

@@ -305,7 +305,7 @@ def test_kappa():
         (lambda: standardised_difference([1.0, 1.0]), "no standard deviation"),
         (lambda: standardised_difference([1.0]), "at least 2"),
         (lambda: holm([0.1, 1.2]), "probabilities"),
-        (lambda: crossover([1.0, 2], [1.0, 2], ["S", "E"], ("S", "E")), "At least 2 in each"),
+        (lambda: crossover([1.0, 2], [1.0, 2], ["S", "E"], ("S", "E")), "at least 2 in each"),
         (lambda: crossover([1.0], [1.0], ["X"], ("S", "E")), "First treatments X"),
         (lambda: crossover([1.0, 2], [1.0], ["S", "E"], ("S", "E")), "same order"),
         (lambda: mixed_model([1.0] * 4, ["a"], ["S"] * 4, [1] * 4, ("S", "E")), "lengths"),

@@ -228,7 +228,7 @@ def test_the_study_goes_on_and_its_data_are_whole_after_unblinding(tmp_path):
     names = {r["condition"] for r in rows_in(tmp_path / "labels")}
     assert names <= {"condition 1", "condition 2"}
     words = ["study", "unblind", str(study.path), "operator", "--operator", "Olga Operator"]
-    assert "without a reason" in str(CliRunner().invoke(app, words).exception)
+    assert "needs a reason" in str(CliRunner().invoke(app, words).exception)
     done = CliRunner().invoke(app, [*words, "--reason", "a severe event"])
     assert done.output == "operator unblinded\n"
     assert "is not blinded" in str(CliRunner().invoke(app, [*words, "--reason", "x"]).exception)

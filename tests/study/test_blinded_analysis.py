@@ -132,7 +132,7 @@ def test_the_interaction_study_by_neutral_elements(tmp_path):
 
 def test_blinding_is_of_a_study(tmp_path):
     done = CliRunner().invoke(app, ["analyse", "interaction", str(tmp_path), "--blinded"])
-    assert "--blinded is of a study's folder" in str(done.exception)
+    assert "--blinded needs a study's folder" in str(done.exception)
 
 
 @pytest.mark.parametrize("roles", ['["analyst"]', '["operator"]', '["participant"]'])

@@ -223,7 +223,7 @@ def checked(day: Day, study: Path, trials: int) -> StudyFolder:
 
 
 def exported(day: Day, study: Path, *forms: str) -> None:
-    """Without codes, notes and names of the laboratory; every one says that it is simulated."""
+    """Without codes, notes and names of the laboratory; every one is marked as simulated."""
     assert "Could identify" in done("study", "export", study, "--check")
     for form in forms:
         out = day.folder / form

@@ -383,7 +383,7 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "nothing was changed" in call("repair", folder)
     assert "Every log is as it was written" in call("audit", folder)
     assert "12 of 12 trials are done" in call("resume", folder, "P01", "--headless")
-    assert "comes again" in call("repeat", folder, "P01", "3", "--reason", "a cough")
+    assert "repeats trial 3" in call("repeat", folder, "P01", "3", "--reason", "a cough")
     assert "Remaining, as planned: 3" in call("resume", folder, "P01", "--headless")
     call("repeat", folder, "P01", "2", "--reason", "a cough")
     call("skip", folder, "P01", "2", "--reason", "no time")

@@ -139,8 +139,8 @@ def test_an_edit_is_named(study, how):
     path.write_text("".join(edited(how, lines)))
     (first, *_) = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: ")
-    assert {"value": "content was edited", "tail": "not what it was"}.get(how, "line 6") in first
-    wrong = "not what it was" if how == "tail" else "has been changed"
+    assert {"value": "content was edited", "tail": "since it ended"}.get(how, "line 6") in first
+    wrong = "changed since it ended" if how == "tail" else "has been changed"
     for use in (study.rows, lambda c: study.session(c, 0, SimulatedSource(1))):
         with pytest.raises(UserError, match=wrong):
             use("P01")
@@ -153,7 +153,7 @@ def test_an_edit_is_named(study, how):
 def test_a_log_in_another_place_is_nobodys(study):
     run_one(study)
     study.enrol("P02", True)
-    for place, words in (("P02", "another session"), ("Anna", "nobody with the code Anna")):
+    for place, words in (("P02", "another session"), ("Anna", "no participant with the code Anna")):
         shutil.copytree(study.path / "P01", study.path / place)
         assert any(words in p for p in study.problems())
         assert any(f"{place}, session 1, whole: " in p for p in omissions(study))
@@ -220,6 +220,6 @@ def test_a_log_that_vanished_is_named_unless_deleted_on_demand(study):
     session = study.session("P02", 0, SimulatedSource(1))
     session.close()
     session.log.path.unlink()
-    assert repair(study) == ["P02/session-1/events.jsonl: it is lost; the session begins anew"]
+    assert repair(study) == ["P02/session-1/events.jsonl: it is lost; the session starts again"]
     assert study.problems() == []
     study.session("P02", 0, SimulatedSource(1)).close()

@@ -181,7 +181,7 @@ def test_repeat_and_skip_while_it_runs_with_a_reason_only(begin, windows):
     _, operator = windows(conductor)
     conductor.arrive()
     operator.repeat()
-    assert "without a reason" in conductor.said
+    assert "first write a reason" in conductor.said
     operator.written.setText("a cough")
     operator.repeat()  # the one that runs: nothing is marked
     for words, row, job in (("the strap", 0, operator.repeat), ("no time", 3, operator.skip)):
@@ -431,7 +431,7 @@ def test_nodes_fill_and_words_tell_while_it_goes_on(length_s, good):
         assert (keys, advice) == (["sweep"], [])
     else:
         assert "faster" in keys
-        assert "mean speed is 4.0 deg/s, 5 are wanted. Ask for faster" in advice[0]
+        assert "mean speed is 4.0 deg/s, 5 are required. Ask for faster" in advice[0]
 
 
 # -- what goes wrong -------------------------------------------------------------------------------

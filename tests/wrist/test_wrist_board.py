@@ -131,7 +131,7 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
     monkeypatch.setattr(source, "waits", said.append)
     session.run()
     assert session.state.states[1] == FAILED
-    assert "impairment of flexion and deviation has not changed over" in session.state.reasons[1]
+    assert "impairment of flexion and deviation has not switched" in session.state.reasons[1]
     assert logged(session, "frames") == []
 
 
@@ -182,7 +182,7 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_m
             assert session.run(show=at_step(20, cable.pull)) == ""
             reasons = session.state.reasons
             assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
-            assert "Look at cable and power" in reasons[1]
+            assert "Check cable and power" in reasons[1]
             assert logged(session, "ready")[1]["state"] in ("ARMED", "ACTIVE")
             assert not logged(session, "ready")[1]["restarted"]
             assert logged(session, "link")[-1]["reconnects"] == 2

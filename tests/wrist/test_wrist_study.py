@@ -445,7 +445,7 @@ def test_every_wrist_task_is_simulated_by_itself():
     ("words", "said"),
     [
         (["study", "virtual", "wrist", "--method", "magic"], "no method"),
-        (["study", "virtual", "wrist", "--compare", "--sensitivity"], "--sensitivity would do no"),
+        (["study", "virtual", "wrist", "--compare", "--sensitivity"], "--sensitivity has no"),
         (["analyse", "wrist", "nowhere"], "not a study"),
     ],
 )

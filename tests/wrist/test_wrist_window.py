@@ -56,7 +56,7 @@ def test_the_constraint_is_asked_for_by_a_button_and_confirmed_by_the_board(show
     s = shown("wrist_drive", "ACTIVE")
     s.window.buttons["Constrained"].click()
     s.draw()
-    assert "not yet" in s.window.confirmed.text()
+    assert "not confirmed" in s.window.confirmed.text()
     s.until("constrained", 5, lambda: s.display.acts)
     s.feed.came_s -= 10  # on a slow computer
     s.draw()

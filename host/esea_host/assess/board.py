@@ -76,11 +76,11 @@ class KneeBoard:
         if made.laws:
             why = "has a motor"
         elif missing:
-            why = f"does not tell {', '.join(missing)}"
+            why = f"does not report {', '.join(missing)}"
         elif most_Nm >= pull_Nm:
             return
         what = f"{made.name} {why}: the knee is assessed on a passive board."
-        raise UserError(what, "Connect one with the image of knee_board, or take sim:knee.")
+        raise UserError(what, "Connect one with the knee_board firmware, or use sim:knee.")
 
     @property
     def simulated(self) -> bool:
@@ -154,7 +154,7 @@ class KneeBoard:
                 self._fault = 0 if self._state == "UNREFERENCED" else self.device.fault()
                 events = self._ended(self.trouble())
         except LinkError as error:
-            self.problem = f"The link is gone: {error}"
+            self.problem = f"The link is broken: {error}"
             return self._ended(self.problem)
         for batch in batches:
             self._seen_s, self.problem = time.monotonic(), ""
@@ -172,7 +172,7 @@ class KneeBoard:
                 events += self.watch.take(time_s, angle, rate, torque, self.valid)
         silent = self._advance is None and time.monotonic() - self._seen_s > SILENT_S
         if silent and not self.problem:
-            self.problem = f"Nothing has come for {SILENT_S:g} s: look at cable and power."
+            self.problem = f"No data came for {SILENT_S:g} s: check cable and power."
             events += self._ended(self.problem)
         return events
 
@@ -198,7 +198,7 @@ class KneeBoard:
             self.recording.close()
             if self.recording.error is not None:
                 what = f"{self.recorded}: {self.recording.error}"
-                raise UserError(what, "What came before it is in the file.")
+                raise UserError(what, "The file keeps all earlier data.")
 
 
 def _new_file(session_file: Path) -> Path:
@@ -222,11 +222,11 @@ def be_ready(board: KneeBoard, say: Say, zero: bool = False) -> None:
     if board.state() == "UNREFERENCED":
         if not (zero or board.simulated):
             raise UserError(board.trouble(), "Then start again with --zero.")
-        say("The board is being zeroed: the leg straight and resting, hands off the coupling.")
+        say("The board is being zeroed: leg straight and at rest, hands off the coupling.")
         board.zero()
         say("The board is zeroed: the straight leg is 0°.")
     if trouble := board.trouble():
-        raise UserError(trouble, "Look at it with esea-host view, then start again.")
+        raise UserError(trouble, "Inspect it with esea-host view, then start again.")
 
 
 def _polled(board: KneeBoard, test: str) -> list[MovementEvent]:
@@ -248,9 +248,9 @@ def await_fall(board: KneeBoard, say: Say, longest_s: float) -> Segment:
             if s is not None and np.max(s.rate_rad_s) >= TRIED_rad_s:
                 if _fell(s):
                     return s
-                say("That was no fall; hold the leg straight, keep still, let go.")
+                say("The leg did not fall; hold it straight, keep still, let go.")
     raise UserError(
-        f"pendulum test: no leg fell within {longest_s:g} s.", "Hold it straight, and let go."
+        f"pendulum test: no leg fell within {longest_s:g} s.", "Hold the leg straight, and let go."
     )
 
 

@@ -1,4 +1,4 @@
-"""The data base from simulated patients, calibrated on other simulated patients.
+"""The database from simulated patients, calibrated on other simulated patients.
 
 The knee's is beside this file, written by ``esea-host assess build host/esea_host/assess/knee.npz``
 in minutes.  Tests simulate some of its people again.

@@ -1,4 +1,4 @@
-"""The data base of responses: who answered how, where; one file with its provenance.
+"""The database of responses: who answered how, where; one file with its provenance.
 
 Categories come from the data: any number, of any joint.
 """
@@ -26,7 +26,7 @@ from esea_host.assess.patients import DEG, Array
 from esea_host.assess.responses import ERROR_STAYS_S, Location, Passage
 
 FORMAT = 2
-RECORDINGS = "recordings"  # as the source of a data base of people
+RECORDINGS = "recordings"  # as the source of a database of people
 KERNEL_RAD, KERNEL_rad_s = 6 * DEG, 10 * DEG
 LEAST_WEIGHT_S = 0.1  # of a recording near a location, to say anything of it
 
@@ -186,7 +186,7 @@ class ResponseDataBase:
         categories = tuple(dict.fromkeys(names))
         if len(categories) < 2:
             raise UserError(
-                f"data base: {len(categories)} categories.", "Give recordings of at least 2."
+                f"database: {len(categories)} categories.", "Record at least 2 of them."
             )
         # Paths are much the same: the first of each category stands for its errors.
         errors = [of_first[names.index(c)] for c in categories]
@@ -209,7 +209,7 @@ class ResponseDataBase:
         """Responses of the people of one category, shape (people, cells)."""
         if category not in self.categories:
             raise UserError(
-                f"data base: no category {category!r}.", f"One of {', '.join(self.categories)}."
+                f"database: no category {category!r}.", f"Use {', '.join(self.categories)}."
             )
         return np.asarray(self.responses[self.category == self.categories.index(category)])
 
@@ -274,19 +274,19 @@ class ResponseDataBase:
             claimed = head.pop("digest")
         except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
             raise UserError(
-                f"{path}: no data base of responses ({error}).", "Make one: esea-host assess build."
+                f"{path}: no response database ({error}).", "Make one: esea-host assess build FILE"
             ) from error
         if head.get("format") != FORMAT:
             raise UserError(
                 f"{path}: format {head.get('format')}, not {FORMAT}.", "Build it again."
             )
         if _digest(head, arrays) != claimed:
-            raise UserError(f"{path}: the content is not what was saved.", "Build it again.")
+            raise UserError(f"{path}: the content was changed after saving.", "Build it again.")
         fitted = list((head["calibration"] or {}).values())
         if np.isinf(arrays["responses_Nm"]).any() or not np.all(np.isfinite(fitted)):
             raise UserError(
                 f"{path}: a response or a calibrated number is infinite or missing.",
-                "Build it again; NaN is allowed only where a person has not been.",
+                "Build it again; NaN is allowed only where a person was not measured.",
             )
         return cls(
             LocationGrid(arrays["angle_rad"], arrays["rate_rad_s"]),
@@ -302,7 +302,7 @@ class ResponseDataBase:
 
 
 def shipped() -> ResponseDataBase:
-    """The simulated knee's data base, which comes with the tool (see ``build``)."""
+    """The simulated knee's database, which comes with the tool (see ``build``)."""
     return ResponseDataBase.load(Path(__file__).with_name("knee.npz"))
 
 

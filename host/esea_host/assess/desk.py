@@ -88,7 +88,7 @@ def conclusion(session: Assessment) -> list[str]:
     if not (made or session.by_hand):
         out.append("Nothing is measured yet: every known category is equally likely.")
     elif first == NONE:
-        out.append(f"The leg answers like none of the known categories ({strength(p)}, {p:.0%}).")
+        out.append(f"The leg responds like none of the known categories ({strength(p)}, {p:.0%}).")
         causes = "contracture, rigidity, tremor, a leg that is not relaxed"
         out.append(f"Look for another cause: {causes}.")
     else:
@@ -102,7 +102,7 @@ def conclusion(session: Assessment) -> list[str]:
             out.append(f"If {who}: severity {how}")
     movements = "movement" if made == 1 else "movements"
     now = "have stopped" if session.settled else "are still"
-    out.append(f"{made} {movements} so far; the probabilities {now} changing.")
+    out.append(f"{made} {movements}; the probabilities {now} changing.")
     if session.by_hand:
         out.append("The clinician set probabilities by hand; see the steps.")
     return out
@@ -200,7 +200,7 @@ class ClinicDesk:
     def move(self) -> str:
         """Make the proposed movement with the simulated patient; return its result."""
         if self.patient is None:
-            raise UserError("There is no simulated patient here.", "Start with --patient.")
+            raise UserError("There is no simulated patient.", "Start with --patient.")
         # What simulates takes seconds to load: only where it is needed.
         from esea_host.assess.simulated import probed
 
@@ -265,7 +265,7 @@ class ClinicDesk:
             return "nothing could be read: your hands were at the limit of their pull"
         d = made[0]
         told = f"{d['readings']} places read, {d['response_Nm']:.1f} Nm at {d['location']}"
-        return told if passed else f"{told}; the place that was asked for was missed"
+        return told if passed else f"{told}; the requested location was missed"
 
     def recording(self, recording: LegRecording, name: str) -> str:
         """A recorded movement, read from the most informative place that it passed."""
@@ -343,7 +343,7 @@ def attempted(
 ) -> str:
     """Wait for one attempt at the proposed movement; return its result."""
     if trouble := board.trouble():
-        raise UserError(trouble, "Write zero, or skip.")
+        raise UserError(trouble, "Type zero or skip.")
     board.start_anew()
     board.show(desk.proposed)
     until_s = board.clock_s() + patience_s
@@ -373,7 +373,7 @@ def assess_unattended(desk: ClinicDesk, movements: int, say: Callable[[str], Non
                 desk.repeat()
             say(attempted(desk, desk.board, say))
             if desk.board.problem:
-                raise UserError(desk.board.problem, "The session so far is in its file.")
+                raise UserError(desk.board.problem, "The file keeps all earlier steps.")
             if desk.attempt is not None and (desk.attempt.passed or tried == TRIES - 1):
                 say(desk.keep())
                 break
@@ -411,7 +411,7 @@ def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
         desk.skip(rest)
     elif head == "undo":
         if not desk.undo():
-            say("Nothing to take back.")
+            say("There is nothing to undo.")
     elif head == "set":
         desk.override(_probabilities(rest), "typed by the clinician")
     elif head == "show":
@@ -422,7 +422,7 @@ def _take(desk: ClinicDesk, typed: str, say: Callable[[str], None]) -> None:
         try:
             torque_Nm = read_number(typed, -100, 100, "Nm")
         except UserError as error:
-            raise UserError(f"{error} Or write a word.", HELP[1]) from None
+            raise UserError(f"{error} Or type a word.", HELP[1]) from None
         desk.torque(torque_Nm)
     say(desk.now())
 
@@ -436,5 +436,5 @@ def _probabilities(text: str) -> dict[str, float]:
         except UserError as error:
             raise UserError(f"{part!r}: {error.what}", "Write S3=0.5 D2=0.3.") from None
     if not out:
-        raise UserError("set: nothing given.", "Write S3=0.5 D2=0.3.")
+        raise UserError("set: no value given.", "Write S3=0.5 D2=0.3.")
     return out

@@ -2,7 +2,7 @@
 
 Four ways of choosing movements examine every patient, in lockstep: by expected information, by the
 thesis' measure, by a fixed protocol, at random.  Parameters are jittered, sizes of legs and noise
-differ; no patient was in the data base or in a calibration.
+differ; no patient was in the database or in a calibration.
 """
 
 from __future__ import annotations
@@ -110,9 +110,9 @@ def _levels(names: Sequence[str]) -> dict[str, list[float]]:
     if all(len(x) > 1 for x in found.values()):
         return found
     raise UserError(
-        f"data base: categories {', '.join(names)}; the simulated patients that it would be judged "
+        f"database: categories {', '.join(names)}; the simulated patients for its evaluation "
         f"on are {', '.join(CATEGORIES)}.",
-        "Judge one with two severities or more of each of these, such as: esea-host assess build.",
+        "Use one with at least two severities of each of these, such as: esea-host assess build.",
     )
 
 

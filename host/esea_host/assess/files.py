@@ -107,7 +107,7 @@ def angle_columns(path: Path) -> tuple[Array, Array, LegTable]:
     most = float(np.max(np.abs(angle), initial=0.0))
     if most > np.pi:
         raise UserError(
-            f"{path}: {name} goes to {most / DEG:.0f} deg, further than a knee bends.",
+            f"{path}: {name} goes to {most / DEG:.0f} deg, more than a knee bends.",
             "Check its unit: degrees are angle_deg, radians angle_rad.",
         )
     return found["time_s"], angle, table
@@ -128,7 +128,7 @@ def read_recording(
     most = float(np.max(np.abs(found[torque]), initial=0.0))
     if most > STRONGEST_NM:
         raise UserError(
-            f"{path}: {torque} goes to {most:.3g} Nm, more than hands do ({STRONGEST_NM:.0f} Nm).",
+            f"{path}: {torque} goes to {most:.3g} Nm, too much for hands ({STRONGEST_NM:.0f} Nm).",
             "Check its unit.",
         )
     leg = time_s, angle, found[torque], height_m, mass_kg
@@ -136,7 +136,7 @@ def read_recording(
 
 
 def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) -> ResponseDataBase:
-    """A data base from recordings: a folder for each category, files of people in it."""
+    """A database from recordings: a folder for each category, files of people in it."""
     people = []
     found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
     for path in sorted(found):
@@ -175,6 +175,4 @@ def _body(path: Path) -> tuple[float, float]:
         height = float(found.get("height_m", MEAN_HEIGHT_M))
         return height, float(found.get("mass_kg", MEAN_MASS_KG))
     except ValueError as error:
-        raise UserError(
-            f"{path}: body's size: {error}.", "Write height_m=1.7 mass_kg=70."
-        ) from error
+        raise UserError(f"{path}: body size: {error}.", "Write height_m=1.7 mass_kg=70.") from error

@@ -79,12 +79,12 @@ class Hypotheses:
 
 
 def summarised(data: ResponseDataBase, kind: str = "people") -> Hypotheses:
-    """The categories of a data base as hypotheses, the reference among them."""
+    """The categories of a database as hypotheses, the reference among them."""
     if kind not in KINDS:
-        raise UserError(f"summary: {kind!r}.", "people, distributions or centroids.")
+        raise UserError(f"summary: {kind!r}.", "Use people, distributions or centroids.")
     known, cells = data.common, data.grid.cells
     if not known.any():
-        raise UserError("data base: no location was reached by all.", "Record wider movements.")
+        raise UserError("database: no location was reached by all.", "Record wider movements.")
     means, noises = [], []
     covariance = np.zeros((len(data.categories), cells, cells))
     for i, name in enumerate(data.categories):

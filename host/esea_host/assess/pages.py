@@ -67,10 +67,10 @@ def session_page(
 
 
 def dated(session: Assessment, who: str) -> str:
-    """Whose page, of when, and from which data base."""
+    """Whose page, of when, and from which database."""
     began, last = (session.trail[i].time[:16].replace("T", " ") for i in (0, -1))
     when = f"{began} to {last[-5:] if last[:10] == began[:10] else last} UTC" if began else ""
-    parts = who, when, f"data base {session.data.digest[:12]}"
+    parts = who, when, f"database {session.data.digest[:12]}"
     return "   ".join(p for p in parts if p)
 
 
@@ -90,7 +90,7 @@ def _bars(ax: Axes, session: Assessment) -> None:
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
     ax.set_xlabel("probability [%]")
-    ax.set_title("What is known now")
+    ax.set_title("Probabilities now")
 
 
 def _history(ax: Axes, session: Assessment) -> None:
@@ -108,7 +108,7 @@ def _history(ax: Axes, session: Assessment) -> None:
         )
     ax.set_ylim(-3, 103)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set(xlabel="step", ylabel="probability [%]", title="How it came to that")
+    ax.set(xlabel="step", ylabel="probability [%]", title="Probability history")
     ax.legend(ncol=2, fontsize=7.5, loc="upper center", bbox_to_anchor=(0.45, -0.2))
 
 
@@ -125,7 +125,7 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
         shading="nearest",
         rasterized=True,
     )
-    ax.figure.colorbar(drawn, ax=ax, label=f"how much it would tell [{unit_of(measure)}]", pad=0.01)
+    ax.figure.colorbar(drawn, ax=ax, label=f"expected information [{unit_of(measure)}]", pad=0.01)
     ax.grid(False)
     been = session.evidence.places()
     if len(been):
@@ -139,7 +139,7 @@ def _map(ax: Axes, session: Assessment, comfort: Comfort, measure: str) -> None:
     ax.set(
         xlabel="bending of the knee [°]",
         ylabel="speed [°/s], + bending",
-        title="Which movement would tell most: dark. White: out of reach, comfort or data",
+        title="Most informative movement: dark. White: out of reach, comfort or data",
     )
 
 
@@ -154,8 +154,8 @@ def step_text(entry: AuditEntry) -> str:
         + (f" ({d['why']})" if d.get("why") else ""),
         "skipped": "skipped" + (f": {d['why']}" if d.get("why") else ""),
         "missed": f"{d.get('location')} was not passed; not asked for again",
-        "left out": f"{d.get('location')} left out at the clinician's wish",
-        "outside the map": f"{d.get('location')} is not in the data base",
+        "left out": f"{d.get('location')} left out by the clinician",
+        "outside the map": f"{d.get('location')} is not in the database",
         "undone": "last step taken back",
     }
     return said.get(entry.what, entry.what)
@@ -228,7 +228,7 @@ def confusion_picture(result: Mapping[str, Any]) -> Figure:
         ax.set(
             xlabel="most probable after 12 movements",
             ylabel="simulated patient",
-            title="Patients by what they have and what is said of them",
+            title="Patients by true category and answer",
         )
     return figure
 
@@ -237,7 +237,7 @@ def calibration_picture(result: Mapping[str, Any]) -> Figure:
     curve = {k: np.array(v) for k, v in result["calibration_curve"].items()}
     seen = curve["count"] > 0
     with drawn(4.7, 4.2) as (figure, ax):
-        ax.plot([0, 100], [0, 100], color=INK, lw=0.8, ls="--", label="as it should be")
+        ax.plot([0, 100], [0, 100], color=INK, lw=0.8, ls="--", label="ideal")
         size = 12 + 160 * curve["count"][seen] / curve["count"].max()
         ax.scatter(
             100 * curve["confidence"][seen],
@@ -251,8 +251,8 @@ def calibration_picture(result: Mapping[str, Any]) -> Figure:
         ax.set_xlim(0, 102)
         ax.set_ylim(0, 102)
         ax.set(
-            xlabel="probability that was shown [%]",
-            ylabel="how often it was right [%]",
+            xlabel="shown probability [%]",
+            ylabel="share of right answers [%]",
             title=f"Calibration: mean distance {result['calibration_error']:.3f}",
         )
         ax.legend(loc="upper left")
@@ -274,7 +274,7 @@ def motions_picture(result: Mapping[str, Any]) -> Figure:
         ax.errorbar(range(len(rows)), mean, np.abs(ends - mean), fmt="none", color=INK, capsize=4)
         ax.set_xticks(range(len(rows)), [n for n, _ in rows])
         ax.set_ylabel(f"movements to 95 % (at most {result['most_movements']})")
-        ax.set_title("How many movements it takes")
+        ax.set_title("Movements needed")
     return figure
 
 
@@ -315,6 +315,6 @@ def evaluation_page(result: Mapping[str, Any]) -> str:
         svg(calibration_picture(result), "calibration", "Shown probability against share right"),
         svg(motions_picture(result), "motions", "Movements to 95 percent, four ways"),
     ]
-    title = "Knee assessment, judged on simulated patients"
+    title = "Knee assessment, evaluated on simulated patients"
     context = {"title": title, "r": result, "rows": rows, "figures": figures}
     return _render("evaluation", result["notice"], **context)

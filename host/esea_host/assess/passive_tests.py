@@ -43,7 +43,7 @@ class PendulumResult:
     reached_rest: bool
 
     def sentences(self) -> list[str]:
-        sure = "" if self.reached_rest else ", which is not sure"
+        sure = "" if self.reached_rest else ", uncertain"
         out = [
             f"The leg fell by {self.first_swing_rad / DEG:.0f}° on its first swing and came to "
             f"rest {(self.rest_rad - self.start_rad) / DEG:.0f}° below where it was let go.",
@@ -57,7 +57,7 @@ class PendulumResult:
                 f"{self.frequency_Hz:.2f} swings a second."
             )
         if not self.reached_rest:
-            out.append("The leg was still moving at the end: the resting angle is not sure.")
+            out.append("The leg was still moving at the end: the resting angle is uncertain.")
         return out
 
 
@@ -102,7 +102,7 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
         raise UserError(
             f"pendulum test: at most {fastest / DEG:.0f} deg/s and {steepest:.1f} rad/s2, the leg "
             "was lowered.",
-            f"Let go of it: a leg that falls passes {FALLING_rad_s / DEG:.0f} deg/s and "
+            f"Let it go: a falling leg exceeds {FALLING_rad_s / DEG:.0f} deg/s and "
             f"{FALLING_rad_s2:g} rad/s2.",
         )
     if not (len(extremes) or reached):
@@ -166,12 +166,12 @@ class MotionRange:
         out = [
             f"The knee moved from {self.low_rad / DEG:.0f}° to {self.high_rad / DEG:.0f}° of "
             f"bending ({(self.high_rad - self.low_rad) / DEG:.0f}° in all), {self.cycles} times "
-            "there and back.",
+            "back and forth.",
             f"{self.loop_J:.1f} J are lost in each cycle, ± {2 * self.loop_error_J:.1f} J by the "
             "torque sensor's error.",
         ]
         if self.loop_J < 2 * self.loop_error_J:
-            out.append("That is no measurable loss; more cycles reduce the error.")
+            out.append("The loss is below the error; more cycles reduce the error.")
         if self.stiffness_Nm_rad is not None:
             per_degree = f"{self.stiffness_Nm_rad * DEG:.2f} Nm per degree"
             out.append(f"In the middle of its range it resists with {per_degree}.")

@@ -198,7 +198,7 @@ def severities(name: str) -> tuple[float, float]:
             what, level = "", 0.0
         if levels.get(what) != 0 or not 0 < level <= 5:  # each once
             raise UserError(
-                f"simulated patient {name!r}.",
+                f"no simulated patient {name!r}.",
                 f"S1 to S5, D1 to D5, two such as S2+D4, {', '.join(OUTSIDE_KINDS)}, or any.",
             )
         levels[what] = level
@@ -382,7 +382,7 @@ class MovedLegs:
 
 
 def sweep(duration_s: float = 36.0, top_Hz: float = 0.3) -> tuple[Array, Array]:
-    """Excitation of the data base: a sine swept 0 to 0.3 Hz at 0.5 Hz/min, 130 deg peak to peak."""
+    """Excitation of the database: a sine swept 0 to 0.3 Hz at 0.5 Hz/min, 130 deg peak to peak."""
     t = np.arange(round(duration_s / STEP_S)) * STEP_S
     slope = top_Hz / duration_s
     phase, speed = np.pi * slope * t**2, 2 * np.pi * slope * t

@@ -73,7 +73,7 @@ class Comfort:
             )
         if not 0 < self.rate_rad_s <= 300 * DEG:
             raise UserError(
-                f"comfortable speed: {self.rate_rad_s / DEG:.0f} deg/s.", "Give 1 to 300."
+                f"comfortable speed: {self.rate_rad_s / DEG:.0f} deg/s.", "Give 1 to 300 deg/s."
             )
 
 
@@ -159,7 +159,7 @@ def informative(
 ) -> Array:
     """How much a movement through each cell would tell now, shape (cells,)."""
     if measure not in MEASURES:
-        raise UserError(f"measure: {measure!r}.", f"One of {', '.join(MEASURES)}.")
+        raise UserError(f"measure: {measure!r}.", f"Use {', '.join(MEASURES)}.")
     h, p = session.evidence.now, session.probabilities
     likely = np.flatnonzero(p > LEAST_PROBABILITY)
     some = h.only([h.names[i] for i in likely])

@@ -74,7 +74,7 @@ def utc_now() -> str:
 def assessed_hypotheses(
     data: ResponseDataBase, kind: str = "people", mixed: bool = False
 ) -> Hypotheses:
-    """Diagnoses of a data base, its reference, mixtures if asked for, and "none of these"."""
+    """Diagnoses of a database, its reference, mixtures if asked for, and "none of these"."""
     fit = {**UNCALIBRATED, **(data.calibration or {})}
     everything = summarised(data, kind)
     if kind == "people":
@@ -84,7 +84,7 @@ def assessed_hypotheses(
     if mixed:
         if data.reference is None:
             raise UserError(
-                "data base: mixtures need people without a disorder.", "Build it with a reference."
+                "database: mixtures need people without a disorder.", "Build it with a reference."
             )
         pairs = mixtures(everything, data.reference)
         if pairs.names:
@@ -104,7 +104,7 @@ class _Before:
 
 
 class Assessment:
-    """Probabilities of the categories of a data base, after each movement."""
+    """Probabilities of the categories of a database, after each movement."""
 
     def __init__(
         self,
@@ -192,7 +192,7 @@ class Assessment:
     def feel(self, where: Location, word: str) -> bool:
         """One movement without a sensor: how strongly the leg resisted, in a word."""
         if word not in WORDS:
-            raise UserError(f"resistance: {word!r}.", f"One of {', '.join(WORDS)}.")
+            raise UserError(f"resistance: {word!r}.", f"Use {', '.join(WORDS)}.")
         resisting, spread = WORDS[word]
         # Passive tension is in every map: a word is about what is beyond a relaxed leg's.
         rest = 0.0
@@ -227,7 +227,7 @@ class Assessment:
         """Set the clinician's probabilities; unnamed categories share the rest in proportion."""
         for name, p in probabilities.items():
             if name not in self.names:
-                raise UserError(f"category: {name!r}.", f"One of {', '.join(self.names)}.")
+                raise UserError(f"category: {name!r}.", f"Use {', '.join(self.names)}.")
             if not 0 <= p <= 1:
                 raise UserError(f"probability of {name}: {p}.", "Give 0 to 1.")
         given = sum(probabilities.values())
@@ -237,7 +237,7 @@ class Assessment:
         named = np.array([n in probabilities for n in self.names])
         rest = float(target[~named].sum())
         if named.all() and abs(given - 1) > 1e-6:
-            raise UserError(f"probabilities: they add up to {given:.3g}.", "Give 1 in all.")
+            raise UserError(f"probabilities: they add up to {given:.3g}.", "Make the sum 1.")
         if rest > 0:
             target[~named] *= (1 - given) / rest
         elif (~named).any():

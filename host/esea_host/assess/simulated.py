@@ -103,7 +103,7 @@ def _read(
 
 
 def swept(patients: Sequence[KneePatient], seeds: Sequence[Sequence[int]]) -> list[Passage]:
-    """The data base's excitation, one passage a patient."""
+    """The database's excitation, one passage a patient."""
     path, rate = sweep()
     knees = Knees(patients)
     n = len(patients)

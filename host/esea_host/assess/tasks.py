@@ -81,7 +81,7 @@ class KneeParameters(TaskParameters):
     low_deg: float = Field(0.0, ge=0, le=160, description="reach: least bending")
     high_deg: float = Field(130.0, ge=0, le=160, description="reach: most bending")
     fastest_deg_s: float = Field(120.0, gt=0, le=300, description="fastest comfortable speed")
-    simulated: str = Field("S3", description="who a simulated session has, such as S3 or rigid")
+    simulated: str = Field("S3", description="simulated patient, such as S3 or rigid")
 
     def comfort(self) -> Comfort:
         return Comfort(self.low_deg * DEG, self.high_deg * DEG, self.fastest_deg_s * DEG)
@@ -118,10 +118,10 @@ class _KneeTask(StudyTask):
 
 
 class ProbeParameters(KneeParameters):
-    database: str = Field("", description="data base file; none: of the simulated knee")
-    mixed: bool = Field(False, description="two disorders at once, too")
-    summary: Summary = Field("people", description="of the data base")
-    measure: Measure = Field("expected", description="by which movements are chosen")
+    database: str = Field("", description="database file; default: the simulated knee's")
+    mixed: bool = Field(False, description="also consider two disorders at once")
+    summary: Summary = Field("people", description="of the database")
+    measure: Measure = Field("expected", description="measure that chooses movements")
 
 
 @lru_cache(maxsize=4)
@@ -157,15 +157,15 @@ class ProbeTask(_KneeTask):
     name = "knee-probe"
     Parameters = ProbeParameters
     columns = (
-        DataColumn("asked_rad", float, "bending that was asked for"),
+        DataColumn("asked_rad", float, "requested bending"),
         DataColumn("asked_rad_s", float, "its rate"),
-        DataColumn("passed", bool, "whether that was passed"),
-        DataColumn("distance", float, "of the nearest point from it, in tolerances"),
-        DataColumn("tries", int, "how often it was tried"),
+        DataColumn("passed", bool, "whether the location was reached"),
+        DataColumn("distance", float, "distance of the nearest point, in tolerances"),
+        DataColumn("tries", int, "number of attempts"),
         DataColumn("readings", list, "angle_rad, rate_rad_s, response_Nm of each place passed"),
         DataColumn("error_Nm2", list, "covariance of the errors of these responses"),
-        DataColumn("most_like", str, "most probable answer after it"),
-        DataColumn("probability", float, "of that"),
+        DataColumn("most_like", str, "most probable answer afterwards"),
+        DataColumn("probability", float, "its probability"),
         DataColumn("settled", bool, "whether probabilities have stopped changing"),
     )
 
@@ -276,11 +276,11 @@ class PendulumTask(_FirstDayTask):
     inputs: ClassVar = {"angle_rad": INPUTS["angle_rad"]}
     columns = (
         DataColumn("relaxation_index", float, "first swing over start to rest"),
-        DataColumn("first_swing_rad", float, "how far it fell first"),
+        DataColumn("first_swing_rad", float, "angle of the first fall"),
         DataColumn("rest_rad", float, "bending at rest"),
-        DataColumn("damping_ratio", float, "from the decay of half swings; none with few"),
-        DataColumn("frequency_Hz", float, "of the swings; none with few"),
-        DataColumn("swings", int, "how many"),
+        DataColumn("damping_ratio", float, "from the decay of half swings; missing with few"),
+        DataColumn("frequency_Hz", float, "of the swings; missing with few"),
+        DataColumn("swings", int, "number of swings"),
         DataColumn("reached_rest", bool, "whether it had come to rest"),
     )
 
@@ -313,7 +313,7 @@ class RangeTask(_FirstDayTask):
         DataColumn("high_rad", float, "most bending"),
         DataColumn("fastest_rad_s", float, "fastest movement"),
         DataColumn("slow", bool, "slow enough to be passive"),
-        DataColumn("cycles", int, "whole ones"),
+        DataColumn("cycles", int, "complete cycles"),
         DataColumn("stiffness_Nm_rad", float, "of the middle third"),
         DataColumn("loop_J", float, "work lost in a cycle"),
     )

@@ -65,7 +65,7 @@ app = typer.Typer(
 @app.callback()
 def _app(
     verbose: Annotated[
-        bool, typer.Option("-v", "--verbose", help="Show where errors arose.")
+        bool, typer.Option("-v", "--verbose", help="Show an error's traceback.")
     ] = False,
 ) -> None:
     Shown.verbose = verbose

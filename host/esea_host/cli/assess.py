@@ -35,7 +35,7 @@ app.add_typer(assess, name="assess")
 
 DataOption = Annotated[
     Path | None,
-    option("--database FILE", "Data base; default: the simulated knee's."),
+    option("--database FILE", "Database; default: the simulated knee's."),
 ]
 BoardOption = Annotated[
     str | None,
@@ -52,7 +52,7 @@ PatientOption = Annotated[
     str | None,
     option("--patient", "simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
 ]
-SeedOption = Annotated[int, option("--seed", "Of the simulated patient.", min=0)]
+SeedOption = Annotated[int, option("--seed", "Seed of the simulated patient.", min=0)]
 HeightOption = Annotated[float, option("--height-m", "Body height, 1.0 to 2.3.")]
 LowOption = Annotated[float, option("--from-deg", "Reach: least bending.")]
 HighOption = Annotated[float, option("--to-deg", "Reach: most bending.")]
@@ -72,7 +72,7 @@ HeadlessOption = Annotated[
 
 @assess.command(epilog=NOTICE)
 def build(
-    file: Annotated[Path, typer.Argument(callback=writable, help="File of the data base (.npz).")],
+    file: Annotated[Path, typer.Argument(callback=writable, help="Database file (.npz).")],
     patients: Annotated[
         int, option("--patients", "Simulated patients of each category.", min=8)
     ] = 60,
@@ -84,7 +84,7 @@ def build(
         ),
     ] = None,
 ) -> None:
-    """Build a data base of responses; the file states its sources."""
+    """Build a database of responses; the file states its sources."""
     from esea_host.assess.build import build as simulate
     from esea_host.assess.files import from_recordings
 
@@ -101,14 +101,14 @@ def build(
     fit = data.calibration
     out.print(
         f"None of these: {fit['none_called']:.0f} of {fit['none_patients']:.0f} other simulated "
-        f"patients would be called so, with {fit['none_log_odds']:.2f} on its log odds."
+        f"patients are called so, with {fit['none_log_odds']:.2f} on its log odds."
     )
 
 
 @assess.command(epilog=NOTICE)
 def evaluate(
-    patients: Annotated[int, option("--patients", "Patients of the categories.")] = 200,
-    seed: Annotated[int, option("--seed", "Who is drawn.", min=0)] = 1,
+    patients: Annotated[int, option("--patients", "Number of patients.")] = 200,
+    seed: Annotated[int, option("--seed", "Random seed.", min=0)] = 1,
     jobs: JobsOption = -1,
     json_file: JsonOption = None,
     page: Annotated[Path | None, output_file("--page", "Write the page (.html).")] = None,
@@ -139,10 +139,10 @@ def run(
     key: KeyOption = None,
     headless: HeadlessOption = False,
     zero: ZeroOption = False,
-    movements: Annotated[int, option("--movements", "Headless: at most so many.", min=1)] = 12,
+    movements: Annotated[int, option("--movements", "Headless: most movements.", min=1)] = 12,
     patient: PatientOption = None,
     seed: SeedOption = 1,
-    window: Annotated[bool, option("--window", "The clinician's window.")] = False,
+    window: Annotated[bool, option("--window", "Open the clinician's window.")] = False,
     dark: DarkOption = None,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,
@@ -150,9 +150,9 @@ def run(
     high_deg: HighOption = 130.0,
     fastest: Annotated[float, option("--fastest-deg-s", "Fastest comfortable speed.")] = 120.0,
     mixed: Annotated[bool, option("--mixed", "Also consider two disorders at once.")] = False,
-    summary: Annotated[Summary, option("--summary", "Of the data base.")] = "people",
-    measure: Annotated[Measure, option("--measure", "By which movements are chosen.")] = "expected",
-    who: Annotated[str, option("--who", "Printed on the page.")] = "",
+    summary: Annotated[Summary, option("--summary", "Of the database.")] = "people",
+    measure: Annotated[Measure, option("--measure", "Measure to choose movements.")] = "expected",
+    who: Annotated[str, option("--who", "Name to print on the page.")] = "",
     json_file: JsonOption = None,
     page: Annotated[Path | None, output_file("--page", "Write a page (.html, .png, .pdf).")] = None,
     database: DataOption = None,
@@ -177,7 +177,7 @@ def run(
 
         checked_name(page)
     if json_file is not None and json_file.is_file() and not recording:
-        raise UserError(f"{json_file} is there already.", "Give another name: it is a session.")
+        raise UserError(f"{json_file} already exists.", "Give another name: it is a session.")
     check_body(height_m, mass_kg)
     comfort = Comfort(low_deg * DEG, high_deg * DEG, fastest * DEG)
     if headless and (device is None or window):
@@ -293,7 +293,7 @@ def _board(
 
 def _one_of(recording: Path | None, device: str | None) -> None:
     if (recording is None) == (device is None):
-        raise UserError("A recording or a board.", "Give FILE, or --device ADDRESS.")
+        raise UserError("Neither or both of FILE and --device.", "Give FILE, or --device ADDRESS.")
 
 
 @contextmanager
@@ -328,7 +328,7 @@ def pendulum(
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
-        float, option("--seconds", "How long to wait for a fall.", min=4, max=600)
+        float, option("--seconds", "Longest wait for a fall.", min=4, max=600)
     ] = 60.0,
     json_file: JsonOption = None,
 ) -> None:
@@ -372,7 +372,7 @@ def range_(
     patient: PatientOption = None,
     seed: SeedOption = 1,
     seconds: Annotated[
-        float, option("--seconds", "From the first movement on.", min=10, max=600)
+        float, option("--seconds", "Duration from the first movement.", min=10, max=600)
     ] = 48.0,
     height_m: HeightOption = 1.70,
     mass_kg: MassOption = 70.0,

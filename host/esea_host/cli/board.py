@@ -90,7 +90,7 @@ def _changed(session: Session, kept: KeptValue) -> str:
     why = {
         "clipped": f"outside {p.low:g} to {p.high:g}{unit}, taken to the bound",
         "out of bounds": f"outside {p.low:g} to {p.high:g}{unit}, not taken",
-        "conflicting": "refused beside the other values, not taken",
+        "conflicting": "refused with the other values, not taken",
     }[kept.found]
     now = session.parameter(kept.name)
     return f"{kept.name}: {kept.value:g}{unit} was saved, {why}; in force {now:g}{unit}"
@@ -112,7 +112,7 @@ def blackbox(
         if found is None:
             raise UserError(
                 f"{address}: its black box is not frozen.",
-                "It is frozen at a fault, and by a reset while the motor was on.",
+                "Read it after a fault, or after a reset with the motor on.",
             )
         named = board.identity.device
         records = [None if r is None else read_record(named, r) for r in found.records]
@@ -167,7 +167,7 @@ def life(
     for one in lives:
         _show(known, one)
     if not lives:
-        out.print("The device has no coupling that is counted.")
+        out.print("The device has no coupling with a load count.")
     rows = [_row(known, one) for one in lives]
     curve = known.file.fatigue
     told = None if curve is None else curve.model_dump()
@@ -176,12 +176,12 @@ def life(
 
 
 def _show(device: Device, one: CouplingLife) -> None:
-    where = "lies aside" if one.axis is None else f"axis {device.axes[one.axis] or one.axis}"
+    where = "not fitted" if one.axis is None else f"axis {device.axes[one.axis] or one.axis}"
     name = f"coupling {one.serial}" if one.serial else "coupling without a name"
     out.print(f"{name}, {where}:")
     out.print(
         f"  {one.seconds / 3600:.2f} h counted, {sum(one.halves) / 2:g} cycles of "
-        f"{one.width_rad:.4f} rad and more, {one.energy_J:.3g} J taken"
+        f"{one.width_rad:.4f} rad and more, {one.energy_J:.3g} J absorbed"
     )
     for k, halves in enumerate(one.halves):
         if halves:
@@ -190,7 +190,7 @@ def _show(device: Device, one: CouplingLife) -> None:
     text, warns = life_told(device, one)
     out.print(f"  {'WARNING: ' if warns else ''}{text}")
     if one.full:
-        out.print(f"  {one.full} times half a cycle was taken for want of room")
+        out.print(f"  {one.full} half cycles were counted early for want of memory")
 
 
 def _row(device: Device, one: CouplingLife) -> dict[str, object]:
@@ -217,7 +217,7 @@ def pair(
         if board.session.traffic().paired:
             raise UserError(
                 f"{address}: the board is paired already; its key is in {found.key}.",
-                f"For another key first: esea-host unpair {address}",
+                f"To change the key, first: esea-host unpair {address}",
             )
         path = new_key_path(found.device.name, found.board) if key is None else key
         if path.exists():
@@ -229,7 +229,7 @@ def pair(
                 raise
             raise LinkError(
                 f"{error.what}; the key was written to {path} before, and the board may have it",
-                f"Once the board answers, see whether it has: esea-host pair {address}",
+                f"Once the board answers, check: esea-host pair {address}",
             ) from None
         temporary = any(UNTIL_OFF in text for text in board.session.texts)
     out.print(f"{address}: paired. The key is in {path}.")
@@ -250,4 +250,4 @@ def unpair(address: AddressArgument, device: DeviceOption = None, key: KeyOption
         board.session.unpair()
     out.print(f"{address}: no longer paired.")
     if path is not None:
-        out.print(f"Its key is in {set_aside(path)} now, for no board any more.")
+        out.print(f"Its key is in {set_aside(path)}; no board uses it now.")

@@ -47,23 +47,21 @@ def commission(
     device: DeviceOption = None,
     key: KeyOption = None,
     step: Annotated[
-        list[str] | None, option("--step", f"{NAMES}; again for more; default: all.")
+        list[str] | None, option("--step", f"{NAMES}; repeatable; default: all.")
     ] = None,
-    axis: Annotated[
-        str | None, option("--axis", "Of a device with several; default: the first.")
-    ] = None,
+    axis: Annotated[str | None, option("--axis", "Axis; default: the first.")] = None,
     folder: Annotated[
-        Path | None, option("--record DIR", "Default: commissioning/DEVICE-AXIS.")
+        Path | None, option("--record DIR", "Folder; default: commissioning/DEVICE-AXIS.")
     ] = None,
-    terminal: Annotated[bool, option("--terminal", "Without a window.")] = False,
-    mass: Annotated[float | None, option("--mass", "Known mass in kg.")] = None,
-    arm: Annotated[float | None, option("--arm", "Where it hangs, in m.")] = None,
-    angle: Annotated[float, option("--angle", "Of the arm, deg off horizontal.")] = 0,
-    settle: Annotated[float, option("--settle", "Of each load, s.")] = StepOptions.settle_s,
-    judge: Annotated[float, option("--judge", "Of each load, s.")] = StepOptions.record_s,
+    terminal: Annotated[bool, option("--terminal", "Show no window.")] = False,
+    mass: Annotated[float | None, option("--mass", "Known mass, kg.")] = None,
+    arm: Annotated[float | None, option("--arm", "Distance from the joint, m.")] = None,
+    angle: Annotated[float, option("--angle", "Arm's angle off horizontal, deg.")] = 0,
+    settle: Annotated[float, option("--settle", "Wait per load, s.")] = StepOptions.settle_s,
+    judge: Annotated[float, option("--judge", "Record per load, s.")] = StepOptions.record_s,
     repeats: Annotated[int, option("--repeats", "Loads in each direction.")] = StepOptions.repeats,
     second_mass: Annotated[
-        float | None, option("--second-mass KG", "About half of --mass: for 'adaptation'.")
+        float | None, option("--second-mass KG", "For 'adaptation': about half of --mass.")
     ] = None,
     hangs: Annotated[
         float | None,
@@ -73,7 +71,7 @@ def commission(
         float, option("--arm-weight NM", "The arm's own weight times its distance.")
     ] = 0,
 ) -> None:
-    """Zero, encoders, motor sign, friction, known mass, adaptation: a verdict, picture and record.
+    """Check zero, encoders, motor sign, friction, known mass, adaptation; write a record.
 
     Without a motor: zero, encoders, known mass.
     """
@@ -118,7 +116,7 @@ def commission(
 def _check(names: list[str], options: StepOptions) -> None:
     wrong = [n for n in names if n not in (s.name for s in STEPS)]
     if wrong:
-        raise UserError(f"There is no step '{wrong[0]}'.", f"Steps: {NAMES}.")
+        raise UserError(f"There is no step '{wrong[0]}'.", f"Choose from {NAMES}.")
     for step in STEPS:
         if step.name in names and (lacks := step.lacks(options)):
             raise UserError(f"The step '{step.name}' needs a known mass.", f"Give {lacks}.")
@@ -159,7 +157,7 @@ def _bench(
 
 
 def _person(act: HandAct) -> None:
-    out.print("  Press Return when it is done and you are ready; Ctrl+C ends the step.")
+    out.print("  Press Return when ready; Ctrl+C ends the step.")
     try:
         input()
     except (KeyboardInterrupt, EOFError):
@@ -190,6 +188,6 @@ def _in_terminal(
         record.add(result, bench.device)
         passed = passed and result.passed
         if not result.passed:
-            out.print("What comes next rests on this: put it right first.")
+            out.print("Later steps depend on this one: correct it first.")
             break
     return passed

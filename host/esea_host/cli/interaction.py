@@ -35,11 +35,11 @@ def _draw(path: Path | None, figure: Any) -> None:
 
 @analyse.command()
 def interaction(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With interaction.toml.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with interaction.toml.")],
     json_file: JsonOption = None,
     report: ReportOption = None,
     blinded: Annotated[
-        bool, option("--blinded", "A study's folder: elements by neutral names.")
+        bool, option("--blinded", "Study folder: give the elements neutral names.")
     ] = False,
 ) -> None:
     """Spring against elastomer: smoothness, statistics, survey, detectable differences."""
@@ -49,7 +49,7 @@ def interaction(
     if (folder / PROTOCOL).exists():
         _shown_study(folder, json_file, report, blinded)
     elif blinded:
-        raise UserError("--blinded is of a study's folder.", "Leave it out.")
+        raise UserError("--blinded needs a study's folder.", "Leave it out.")
     else:
         shown_interaction(folder, json_file, report)
 
@@ -100,9 +100,7 @@ def shown_interaction(folder: Path, json_file: Path | None, report: Path | None)
 def loading(
     file: FileArgument,
     rest: Annotated[float, option("--rest", "Angle at rest, rad.")] = 0.0,
-    skip_first: Annotated[
-        bool, option("--skip-first", "Leave out the very first loading.")
-    ] = False,
+    skip_first: Annotated[bool, option("--skip-first", "Leave the first loading out.")] = False,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
@@ -157,7 +155,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 @analyse.command()
 def power(
     people: Annotated[int, option("--people", "With both conditions.", min=2, max=2000)] = 10,
-    tests: Annotated[int, option("--tests", "Comparisons of the family.", min=1)] = 1,
+    tests: Annotated[int, option("--tests", "Comparisons in the family.", min=1)] = 1,
     sd: Annotated[
         float, option("--sd", "Standard deviation of the differences, in their unit.")
     ] = math.nan,
@@ -191,7 +189,7 @@ def smoothness(
         str | None, option("--time-unit", "s, ms, us or ns; default: by its name, or s.")
     ] = None,
     stop_Hz: Annotated[float, option("--stop", "Stop band of the filter, Hz.")] = 4.0,
-    last_s: Annotated[float | None, option("--last", "Analyse the last so many seconds.")] = None,
+    last_s: Annotated[float | None, option("--last", "Analyse this many last s.")] = None,
     resample_Hz: Annotated[
         float | None, option("--resample", "Rate in Hz, for frames at irregular times; reported.")
     ] = None,

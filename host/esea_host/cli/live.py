@@ -72,14 +72,12 @@ def monitor(
     address: AddressArgument,
     stream: Annotated[
         list[str] | None,
-        option("--stream", "Which to show; again for more; default: all axes' sensing."),
+        option("--stream", "Stream to show; repeatable; default: all axes' sensing."),
     ] = None,
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
-    jsonl: Annotated[
-        bool, option("--jsonl", "One JSON object a line for each run, for scripts.")
-    ] = False,
+    jsonl: Annotated[bool, option("--jsonl", "Print one JSON object per run and line.")] = False,
     rate: RateOption = None,
 ) -> None:
     """Print a board's values, in the terminal or line by line."""
@@ -155,19 +153,19 @@ def record(
     device: DeviceOption = None,
     key: KeyOption = None,
     seconds: SecondsOption = None,
-    compress: Annotated[bool, option("--compress", "With zstandard.")] = False,
+    compress: Annotated[bool, option("--compress", "Use zstandard.")] = False,
     signal: Annotated[
-        list[str] | None, option("--signal", "Only these values, such as tau_Nm; again for more.")
+        list[str] | None, option("--signal", "Record only this value, such as tau_Nm; repeatable.")
     ] = None,
-    rate: Annotated[float, option("--rate", "Of --signal, a second; 0: every run.", min=0.0)] = 0.0,
-    note: Annotated[str, option("--note", "Written into it at the start.")] = "",
+    rate: Annotated[float, option("--rate", "Rate of --signal, Hz; 0: every run.", min=0.0)] = 0.0,
+    note: Annotated[str, option("--note", "Note at the start.")] = "",
 ) -> None:
     """Record a board; gaps are counted and reported.
 
-    Exit code 1: the board went away or the disk was full; what was recorded until then is kept.
+    Exit code 1: the board went away or the disk was full; the data until then is kept.
     """
     if rate and not signal:
-        raise UserError("--rate is of --signal.", "Name signals, such as --signal tau_Nm.")
+        raise UserError("--rate needs --signal.", "Name signals, such as --signal tau_Nm.")
     with open_device(address, device, key) as board:
         if signal:
             stream = [*(stream or ()), *board.listen_named(signal, rate)]
@@ -195,7 +193,7 @@ def record(
             why = recording.error or "the link was broken."
             told(paragraphs(f"esea-host: the recording ended early: {why}"))
             if path.exists():
-                told(f"The file stays; what it has: esea-host show {path}")
+                told(f"The file is kept. To see its contents: esea-host show {path}")
             raise typer.Exit(1)
 
 
@@ -204,9 +202,9 @@ def bridge(
     address: AddressArgument,
     foxglove: Annotated[
         int | None,
-        option("--foxglove", "WebSocket server; 0: any.", metavar="PORT", min=0, max=65535),
+        option("--foxglove", "WebSocket port; 0: any.", metavar="PORT", min=0, max=65535),
     ] = None,
-    lsl: Annotated[bool, option("--lsl", "Lab Streaming Layer.")] = False,
+    lsl: Annotated[bool, option("--lsl", "Forward to LSL.")] = False,
     stream: StreamOption = None,
     device: DeviceOption = None,
     key: KeyOption = None,
@@ -215,7 +213,7 @@ def bridge(
 ) -> None:
     """Forward a board's streams to Foxglove or the Lab Streaming Layer."""
     if foxglove is None and not lsl:
-        raise UserError("Nobody is named to hand on to.", "Add --foxglove PORT, --lsl, or both.")
+        raise UserError("No destination is given.", "Add --foxglove PORT, --lsl, or both.")
     with open_device(address, device, key) as board:
         names = [s for s in stream or board.streams if s != KEY]
         told = board.listen(names, rate)
@@ -240,7 +238,7 @@ def bridge(
         finally:
             for outlet in outlets:
                 outlet.close()
-            out.print(f"{rows} runs handed on, {gaps} gaps, {queue.dropped_rows} dropped")
+            out.print(f"{rows} runs forwarded, {gaps} gaps, {queue.dropped_rows} dropped")
 
 
 @app.command()
@@ -291,12 +289,12 @@ def parameters(
     device: DeviceOption = None,
     key: KeyOption = None,
     assign: Annotated[
-        list[str] | None, option("--set", "name=value, such as smc.lambda_1_s=12; again for more.")
+        list[str] | None, option("--set", "name=value, such as smc.lambda_1_s=12; repeatable.")
     ] = None,
     save: Annotated[
         Path | None, output_file("--save", "Write the values into a JSON file.")
     ] = None,
-    load: Annotated[Path | None, option("--load", "Set those of a JSON file that differ.")] = None,
+    load: Annotated[Path | None, option("--load", "Set the values of a JSON file.")] = None,
     compare: Annotated[
         Path | None, option("--compare", "Show only what differs from a JSON file.")
     ] = None,
@@ -347,9 +345,9 @@ def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) 
                 continue  # another calibration's
             if p.fixed:
                 what = f"{text}: {p.name} is fixed: only a calibration sets it."
-                raise UserError(what, "Present angles are taken as zero by: esea-host zero ADDRESS")
+                raise UserError(what, "To set the present angles to zero: esea-host zero ADDRESS")
             if p.name in of:
-                raise UserError(f"{p.name} is there twice.", "Give it once; nothing was set.")
+                raise UserError(f"{p.name} is given twice.", "Give it once; nothing was set.")
             try:
                 number = read_number(value)
             except UserError:
@@ -375,29 +373,27 @@ def _read(path: Path) -> dict[str, float]:
 
 @app.command()
 def sim(
-    device: Annotated[str, typer.Argument(help="Or such as elbow_drive or knee.")] = BEST_DRIVE,
+    device: Annotated[str, typer.Argument(help="Device, such as elbow_drive.")] = BEST_DRIVE,
     controller: ControllerOption = None,
-    tcp: Annotated[int | None, option("--tcp", "Port; 0: any.", min=0, max=65535)] = None,
-    pty: Annotated[bool, option("--pty", "A pseudo terminal in place of TCP.")] = False,
+    tcp: Annotated[int | None, option("--tcp", "TCP port; 0: any.", min=0, max=65535)] = None,
+    pty: Annotated[bool, option("--pty", "Use a pseudo terminal, not TCP.")] = False,
     person: Annotated[
-        str | None, option("--person", "Who is in a driven joint; default: uncertain.")
+        str | None, option("--person", "Person in a driven joint; default: uncertain.")
     ] = None,
     plant: Annotated[
-        str | None, option("--plant", "Of a drive: ideal, real (default) or random.")
+        str | None, option("--plant", "Drive's plant: ideal, real (default) or random.")
     ] = None,
     motion: Annotated[
         str | None,
-        option("--motion", "Of a passive joint: person (default), therapist or a table (.csv)."),
+        option("--motion", "Passive joint's: person (default), therapist or a table (.csv)."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
-    speed: Annotated[float, option("--speed", "1: real time; 0: as it is read.")] = 1.0,
+    speed: Annotated[float, option("--speed", "1: real time; 0: as fast as it is read.")] = 1.0,
     board: Annotated[str, option("--board", "sim (f32) or sim-q31.")] = "sim",
     spring: Annotated[
-        float, option("--spring", "Nm/deg of a spring in the elastomer's place.", min=0.0)
+        float, option("--spring", "Replace the elastomer by a spring, Nm/deg.", min=0.0)
     ] = 0.0,
-    zeroed: Annotated[
-        bool, option("--zeroed", "Its encoders are zeroed before it is served.")
-    ] = False,
+    zeroed: Annotated[bool, option("--zeroed", "Zero its encoders before serving.")] = False,
 ) -> None:
     """Serve a simulated board: the firmware's application, a virtual joint, a virtual person."""
     from esea_host.simulated.server import serve
@@ -413,7 +409,7 @@ def sim(
 @app.command("sim-moteus")
 def sim_moteus(
     device: Annotated[
-        str, typer.Argument(help="With one motor, such as elbow_drive.")
+        str, typer.Argument(help="Device with one motor, such as elbow_drive.")
     ] = BEST_DRIVE,
     person: Annotated[
         str, option("--person", "Person in the joint; nobody, or none: output fixed.")
@@ -425,7 +421,7 @@ def sim_moteus(
     ] = False,
     program: Annotated[
         Path | None,
-        option("--program FILE", "Run this firmware on it; at the end it prints its lost ticks."),
+        option("--program FILE", "Run this firmware on it; print its lost ticks at the end."),
     ] = None,
     seconds: SecondsOption = None,
 ) -> None:

@@ -22,7 +22,7 @@ from esea_host.recording.integrity import warn_unless_complete
 FORMATS = ("csv", "parquet", "bids")
 EVENTS = ("gap", "note", "clock", "parameter", "parameters", "board_clock")
 MOST_LINES = 20
-SpeedOption = Annotated[float, option("--speed", "1: recorded speed; 0: at once.", min=0.0)]
+SpeedOption = Annotated[float, option("--speed", "1: as recorded; 0: at once.", min=0.0)]
 
 
 @app.command()
@@ -116,8 +116,8 @@ def export(
     target: Annotated[Path, typer.Argument(help="File, or folder of the BIDS data set.")],
     to: Annotated[str, option("--to", ", ".join(FORMATS))] = "csv",
     stream: OneStreamOption = None,
-    subject: Annotated[str, option("--subject", "BIDS: label.")] = "01",
-    task: Annotated[str, option("--task", "BIDS: label.")] = "torque",
+    subject: Annotated[str, option("--subject", "BIDS label.")] = "01",
+    task: Annotated[str, option("--task", "BIDS label.")] = "torque",
 ) -> None:
     """Export a stream to other programs; units are in the header, gaps stay gaps."""
     from esea_host.recording.export import to_bids, to_csv, to_parquet

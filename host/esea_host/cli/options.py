@@ -37,27 +37,27 @@ KeyOption = Annotated[
 ]
 LogArgument = Annotated[Path, typer.Argument(help="A recording (.mcap).")]
 SecondsOption = Annotated[
-    float | None, option("--seconds", "End after so long; default: Ctrl+C.", min=0.0)
+    float | None, option("--seconds", "Stop after this many s; default: Ctrl+C.", min=0.0)
 ]
 StreamOption = Annotated[
-    list[str] | None, option("--stream", "Stream, such as sense_out; again for more; default: all.")
+    list[str] | None, option("--stream", "Stream, such as sense_out; repeatable; default: all.")
 ]
 OneStreamOption = Annotated[
     str | None, option("--stream", "Stream; default: sensing of the first axis.")
 ]
 PortOption = Annotated[
-    int | None, option("--port", "Of the browser view; default: 8766; 0: any.", min=0, max=65535)
+    int | None, option("--port", "Browser view's port; default: 8766; 0: any.", min=0, max=65535)
 ]
-RateOption = Annotated[float | None, option("--rate", "Runs a second; default: all.", min=0.001)]
-RecordOption = Annotated[Path | None, output_file("--record", "Record meanwhile (.mcap).")]
+RateOption = Annotated[float | None, option("--rate", "Runs per second; default: all.", min=0.001)]
+RecordOption = Annotated[Path | None, output_file("--record", "Also record (.mcap).")]
 ReportOption = Annotated[Path | None, output_file("--report", "Write one HTML page.")]
 ScreenshotOption = Annotated[
-    Path | None, output_file("--screenshot", "Picture before it closes.", ".png", ".jpg")
+    Path | None, output_file("--screenshot", "Save a picture at the end.", ".png", ".jpg")
 ]
 CloseAfterOption = Annotated[
-    float | None, option("--seconds", "Close the window after so long.", min=1.0, max=1e6)
+    float | None, option("--seconds", "Close the window after this many s.", min=1.0, max=1e6)
 ]
-DarkOption = Annotated[bool | None, option("--dark/--light", "Default: as the desktop has it.")]
+DarkOption = Annotated[bool | None, option("--dark/--light", "Default: the desktop's theme.")]
 
 
 # Rooms whose tasks register themselves when they are read.

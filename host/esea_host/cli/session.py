@@ -53,18 +53,18 @@ DeviceOption = Annotated[
         "or a board: serial:..., tcp:..., sim:wrist_drive with a person in it",
     ),
 ]
-HeadlessOption = Annotated[bool, option("--headless", "Without windows.")]
+HeadlessOption = Annotated[bool, option("--headless", "Show no windows.")]
 SeedOption = Annotated[
-    int | None, option("--seed", "Of the simulated participant; default: 1.", min=0)
+    int | None, option("--seed", "Seed of the simulated person; default: 1.", min=0)
 ]
 SpeedOption = Annotated[
-    float, option("--speed", "In windows: simulated time against the clock's.", min=0.1)
+    float, option("--speed", "With windows: simulated over real time.", min=0.1)
 ]
 DarkOption = Annotated[
-    bool | None, option("--dark/--light", "Default: dark; the operator's as the desktop has it.")
+    bool | None, option("--dark/--light", "Default: dark; operator's: the desktop's theme.")
 ]
 MassOption = Annotated[
-    float | None, option("--mass", "kg, by which the element of a board is confirmed.", min=0.01)
+    float | None, option("--mass", "Known mass, kg, to confirm the board's element.", min=0.01)
 ]
 
 
@@ -101,6 +101,8 @@ class _AskedSession:
         if not self.headless:
             need_a_screen("esea-host study run --headless")
         pointed = [(0.0, 0.0)]
+        words = "study", "resume", f"{self.study.path}", self.code, "--session"
+        on = command_line("esea-host", *words, f"{self.number + 1}")
         try:
             with ExitStack() as held:
                 source, board = self._source(held, lambda: pointed[0])
@@ -114,7 +116,7 @@ class _AskedSession:
         except OSError as error:
             raise UserError(
                 f"{error.filename or self.log}: {error.strerror or error}.",
-                "What was written before is whole; mend it, then go on with study resume.",
+                f"Earlier entries are intact. Correct the cause, then: {on}",
             ) from None
         if not self.rehearsal and self.device != SIMULATED and self.study.protocol.file.groups:
             _name_recordings(self.study)
@@ -123,9 +125,7 @@ class _AskedSession:
         whose += "Simulated participant: " if state.simulated else ""
         out.print(f"{whose}{done} of {len(state.plan.trials)} trials done.")
         if reason:
-            words = "study", "resume", f"{self.study.path}", self.code, "--session"
-            on = command_line("esea-host", *words, f"{self.number + 1}")
-            fix = "Rehearse it anew." if self.rehearsal else f"Continue: {on}"
+            fix = "Rehearse again." if self.rehearsal else f"Continue: {on}"
             what = f"The session ended early: {reason}{'' if reason[-1] in '.?' else '.'}"
             raise UserError(what, fix)
 
@@ -259,17 +259,15 @@ def run(
     session: SessionOption = 1,
     device: DeviceOption = None,
     key: KeyOption = None,
-    arm: Annotated[
-        bool, option("--arm", "A board: zero and arm it first; it is asked for 0 Nm.")
-    ] = False,
+    arm: Annotated[bool, option("--arm", "Zero and arm the board first, at 0 Nm.")] = False,
     headless: HeadlessOption = False,
     seed: SeedOption = None,
     speed: SpeedOption = 1.0,
     language: Annotated[
-        str, option("--language", "Of both windows: en, de; default: the protocol's.")
+        str, option("--language", "Windows' language: en, de; default: the protocol's.")
     ] = "",
     patch: Annotated[
-        PatchMode, option("--patch", "Square for a photodiode: with every frame, or at an onset.")
+        PatchMode, option("--patch", "Square for a photodiode: at every frame or onset.")
     ] = "off",
     dark: DarkOption = None,
     close: Annotated[bool, option("--close", "Close the windows at the end.")] = False,
@@ -279,10 +277,10 @@ def run(
     early: Annotated[str, option("--early", "Reason to start before the washout is over.")] = "",
     mass: MassOption = None,
     lever: Annotated[
-        float | None, option("--lever", "m, from the joint to where it hangs.", min=0.01)
+        float | None, option("--lever", "Distance of the mass from the joint, m.", min=0.01)
     ] = None,
     rehearsal: Annotated[
-        bool, option("--rehearsal", "Rehearse the session with any device; gives no data.")
+        bool, option("--rehearsal", "Rehearse with any device; gives no study data.")
     ] = False,
     opening: Annotated[
         str,
@@ -301,7 +299,7 @@ def run(
     study.protocol.words(language)  # refused before anything is written
     path, begun = study.log_of(code, session - 1), context.info_name == "resume"
     if rehearsal and begun:
-        raise UserError("A rehearsal does not go on.", "Begin another: study run --rehearsal.")
+        raise UserError("A rehearsal cannot be continued.", "Begin another: study run --rehearsal.")
     if rehearsal:
         path = study.new_rehearsal(session - 1)
     there = not rehearsal and study.begun(code, session - 1)

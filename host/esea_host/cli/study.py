@@ -30,22 +30,22 @@ study_app = typer.Typer(
 app.add_typer(study_app, name="study")
 
 
-TaskOption = Annotated[list[Path] | None, option("--task FILE.py", "File with a task of yours.")]
+TaskOption = Annotated[list[Path] | None, option("--task FILE.py", "File with your own task.")]
 TrustOption = Annotated[
     list[str] | None,
     option(
         "--trust HASH",
-        "Run the task file with this SHA-256, now and later; a command without it shows it.",
+        "Trust the task file with this SHA-256 from now on; without it, a command shows it.",
     ),
 ]
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="The study's folder.")]
 CodeArgument = Annotated[str, typer.Argument(metavar="CODE", help="Participant code, such as P01.")]
-SessionOption = Annotated[int, option("--session", "Which session.", min=1)]
+SessionOption = Annotated[int, option("--session", "Session number.", min=1)]
 OperatorOption = Annotated[
     str,
     option(
         "--operator NAME",
-        "Who does it, for the record; a real study asks for it.",
+        "Your name, for the record; required in a real study.",
         envvar="ESEA_OPERATOR",
     ),
 ]
@@ -104,7 +104,7 @@ def create(
     trust: TrustOption = None,
     operator: OperatorOption = "",
 ) -> None:
-    """Make a study's folder from a protocol, of real people or a simulated one."""
+    """Make a study's folder from a protocol, for real or simulated people."""
     from esea_host.study.folder import StudyFolder
     from esea_host.study.plan import explain
     from esea_host.study.protocol import load_protocol
@@ -143,7 +143,7 @@ def enrol(
     ] = "",
     stratum: Annotated[
         list[str] | None,
-        option("--stratum FACTOR=LEVEL", "Of the allocation; one each."),
+        option("--stratum FACTOR=LEVEL", "Stratum; once per factor."),
     ] = None,
     operator: OperatorOption = "",
 ) -> None:
@@ -159,7 +159,7 @@ def skip(
     context: typer.Context,
     folder: FolderArgument,
     code: CodeArgument,
-    trial: Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Its number.")],
+    trial: Annotated[int, typer.Argument(metavar="TRIAL", min=1, help="Trial number.")],
     session: SessionOption = 1,
     reason: ReasonOption = "",
     trust: TrustOption = None,
@@ -170,10 +170,10 @@ def skip(
     with closing(study.session(code, session - 1, None)) as begun:
         if context.info_name == "repeat":
             begun.repeat(trial, reason)
-            out.print(f"{code}: trial {trial} comes again with study resume")
+            out.print(f"{code}: study resume repeats trial {trial}")
         else:
             begun.skip(trial, reason)
-            out.print(f"{code}: trial {trial} is left out")
+            out.print(f"{code}: trial {trial} is skipped")
 
 
 @study_app.command("event")
@@ -184,14 +184,14 @@ def event(
         typer.Argument(metavar="KIND", help="deviation or adverse."),
     ],
     text: Annotated[str, typer.Argument(metavar="TEXT", help="What happened, without names.")],
-    participant: Annotated[str, option("--participant CODE", "To whom; default: nobody.")] = "",
-    session: Annotated[int | None, option("--session", "In which session.", min=1)] = None,
+    participant: Annotated[str, option("--participant CODE", "Participant; default: none.")] = "",
+    session: Annotated[int | None, option("--session", "Session number.", min=1)] = None,
     severity: Annotated[
         str, option("--severity", "mild, moderate, severe, life-threatening, fatal.")
     ] = "",
     relation: Annotated[
         str,
-        option("--relation", "To the device: not-related, possible, probable, causal."),
+        option("--relation", "Relation to the device: not-related, possible, probable, causal."),
     ] = "",
     action: Annotated[str, option("--action", "Action taken.")] = "",
     operator: OperatorOption = "",
@@ -202,13 +202,13 @@ def event(
     if participant and participant not in study.participants():
         raise UserError(f"{participant} is not in this study.", "Name a participant of it.")
     if session is not None and session > (most := len(study.protocol.file.session)):
-        raise UserError(f"There is no session {session}.", f"There are {most}.")
+        raise UserError(f"There is no session {session}.", f"Give 1 to {most}.")
     given |= {} if session is None else {"session": session - 1}
     more = {"severity": severity, "relation": relation, "action": action}
     if kind == "adverse":
         given |= more
     elif unused := [f"--{n}" for n, x in more.items() if x]:
-        raise UserError(f"{', '.join(unused)}: of adverse events.", "Leave it out.")
+        raise UserError(f"{', '.join(unused)}: only for adverse events.", "Leave it out.")
     study.record(kind, **given)
     out.print(f"{folder}: {kind} recorded")
 
@@ -222,12 +222,12 @@ def withdraw(
 ) -> None:
     """Withdraw a participant: the data stays, but is not used; no reason is required."""
     opened(folder, runs=False, operator=operator).withdraw(code, reason)
-    out.print(f"{code} has withdrawn: no more sessions, and no use of the data from now on")
+    out.print(f"{code} has withdrawn: no more sessions; the data is no longer used")
 
 
 @study_app.command("repair")
 def repair_command(folder: FolderArgument, operator: OperatorOption = "") -> None:
-    """Move the part of a log after a break aside, so that the study can continue."""
+    """Move the part of a log behind a break aside, so that the study can continue."""
     from esea_host.study.repair import repair
 
     said = repair(opened(folder, runs=False, operator=operator))
@@ -266,7 +266,7 @@ def replay_command(
         if other:
             raise UserError(
                 f"Trials with other scenes: {sorted(other)}.",
-                "Was a task changed since, or a recording exchanged?",
+                "Check whether a task or a recording was changed.",
             )
 
 

@@ -42,8 +42,8 @@ def allocate(
     each = f" in each of {len(strata)} strata" if len(strata) > 1 else ""
     out.print(f"{folder}: {places} places{each}; the study has their seals, not the groups")
     out.print(
-        f"{keep}: the groups and the code that opens each place. Take it away from this computer; "
-        "at a participant's first session tell the code of the next place, and no other."
+        f"{keep}: the groups and the code that opens each place. Remove it from this computer; "
+        "at a participant's first session give only the code of the next place."
     )
 
 
@@ -60,9 +60,9 @@ def unblind(
     """Unblind a role; person, time and reason stay on record."""
     study = opened(folder, runs=False, operator=operator)
     if not reason:
-        raise UserError("Nobody is unblinded without a reason.", "Give --reason, without names.")
+        raise UserError("Unblinding needs a reason.", "Give --reason, without names.")
     if not study.blinded(role):
-        raise UserError(f"The {role} is not blinded.", "Nothing is to do.")
+        raise UserError(f"The {role} is not blinded.", "No action is needed.")
     study.record("unblind", role=role, reason=reason)
     out.print(f"{role} unblinded")
 
@@ -76,7 +76,7 @@ def delete(
 ) -> None:
     """Delete all data of a participant on request; the deletion stays on record."""
     if not reason:
-        raise UserError("Nothing is deleted without a reason.", "Give --reason, without names.")
+        raise UserError("Deletion needs a reason.", "Give --reason, without names.")
     files = opened(folder, runs=False, operator=operator).delete(code, reason)
     out.print(f"{code}: {files} files deleted")
 
@@ -117,7 +117,7 @@ def export(
             "Could identify a person:" if found else "Found nothing that identifies a person."
         )
         say(f"  {line}" for line in found)
-        out.print("Not searched: movements, which who has others of the same person can compare.")
+        out.print("Not searched: movements, which can be matched with others of the same person.")
         return
     written = _write(study, to, as_, labels)
     study.record("export", form=as_, labels=labels, written=written)

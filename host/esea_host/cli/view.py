@@ -62,14 +62,14 @@ def view(
     seconds: CloseAfterOption = None,
     screenshot: ScreenshotOption = None,
     serve: Annotated[
-        str | None, option("--serve IP", "In browsers as well: see esea-host serve --listen.")
+        str | None, option("--serve IP", "Also serve browsers: see esea-host serve --listen.")
     ] = None,
     port: PortOption = None,
 ) -> None:
     """Show a board live: curves, limits, faults; Space, Escape or F12 stops."""
     parse_address(address)  # a wrong one first, whether there is a screen or not
     if port is not None and serve is None:
-        raise UserError("--port goes with --serve.", "Add --serve IP, or leave --port out.")
+        raise UserError("--port needs --serve.", "Add --serve IP, or leave --port out.")
     need_a_screen("esea-host monitor, or esea-host demo --headless")
     from esea_host.windows.feed import LiveFeed
     from esea_host.windows.live import run_live
@@ -107,22 +107,22 @@ def watch_recording(
 
 @app.command()
 def demo(
-    device: Annotated[str, option("--device", "Without a window one with a drive.")] = BEST_DRIVE,
+    device: Annotated[str, option("--device", "Device; headless: with a drive.")] = BEST_DRIVE,
     controller: ControllerOption = None,
-    headless: Annotated[bool, option("--headless", "Without a window.")] = False,
+    headless: Annotated[bool, option("--headless", "Show no window.")] = False,
     seconds: Annotated[
         float | None,
-        option("--seconds", "Of torque control; default: 10, or no end.", min=1.0, max=3600.0),
+        option("--seconds", "Torque control, s; default: 10, or no end.", min=1.0, max=3600.0),
     ] = None,
     report: Annotated[
         Path | None,
         output_file("--report", "With --headless: page to draw; default: demo.png.", *PICTURES),
     ] = None,
     recording: Annotated[
-        Path | None, output_file("--recording", "Default: beside the page.")
+        Path | None, output_file("--recording", "Recording; default: beside the page.")
     ] = None,
     person: Annotated[
-        str | None, option("--person", "Who is in the joint; default: uncertain.")
+        str | None, option("--person", "Person in the joint; default: uncertain.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
 ) -> None:
@@ -130,7 +130,7 @@ def demo(
     device = driven_by(controller, device)
     if not headless:
         if report is not None:
-            raise UserError("--report goes with --headless.", "Add that, or leave --report out.")
+            raise UserError("--report needs --headless.", "Add it, or leave --report out.")
         who = f"&person={person}" if person else ""
         _watch_demo(f"sim:{device}?seed={seed}{who}", recording, seconds)
         return
@@ -142,7 +142,7 @@ def demo(
     done = run_demo(device, seconds, page, recording, person, seed, out.print)
     v = done.verdict
     out.print(f"{done.recording}: {v.ticks} ticks, {v.values} values computed again")
-    out.print("Every bit matches the C." if v.same else "NOT THE SAME: esea-host replay --verify")
+    out.print("All bits match the C." if v.same else "NOT THE SAME: esea-host replay --verify")
     out.print(f"{done.report}: simulated {shown_error(done.rms_error_Nm)}")
     named = zip(ROUGH_HEADS, rough_cells(done.roughness), strict=True)
     out.print("roughness: " + ", ".join(f"{head} {cell}" for head, cell in named))
@@ -194,7 +194,7 @@ def wrist(
     place = parse_address(address)
     if headless:
         if screenshot is None:
-            raise UserError("--headless shows nothing.", "Give --screenshot FILE.")
+            raise UserError("--headless needs an output file.", "Give --screenshot FILE.")
         os.environ["QT_QPA_PLATFORM"] = "offscreen"
         seconds = seconds or FILMED_S
     need_a_screen("esea-host wrist --headless --screenshot FILE")

@@ -102,16 +102,16 @@ def virtual(
         str, typer.Argument(metavar="STUDY", help="wrist, interaction, or a protocol file.")
     ],
     participants: Annotated[int, typer.Option("--participants", min=1, max=10000)] = 10,
-    seed: Annotated[int, option("--seed", "The same seed, the same study.", min=0)] = 1,
+    seed: Annotated[int, option("--seed", "Random seed.", min=0)] = 1,
     jobs: JobsOption = -1,
     cluster: ClusterOption = None,
     trust: TrustOption = None,
     method: Annotated[
-        str, option("--method", "Wrist: normalisation: none, linear, published or rbf.")
+        str, option("--method", "Wrist normalisation: none, linear, published or rbf.")
     ] = "rbf",
-    compare: Annotated[bool, option("--compare", "Wrist: the study under every method.")] = False,
+    compare: Annotated[bool, option("--compare", "Wrist: run every method.")] = False,
     sensitivity: Annotated[
-        bool, option("--sensitivity", "Wrist: with each number of people shifted.")
+        bool, option("--sensitivity", "Wrist: vary each number of the person model.")
     ] = False,
     keep: Annotated[Path | None, option("--keep FOLDER", "Keep the study's folder.")] = None,
     to_json: JsonOption = None,
@@ -131,7 +131,7 @@ def virtual(
     elif study != "interaction":
         given |= {"--json": to_json is not None, "--report": report is not None}
     if idle := ", ".join(name for name, is_given in given.items() if is_given):
-        raise UserError(f"study virtual {study}: {idle} would do nothing.", "Leave it out.")
+        raise UserError(f"study virtual {study}: {idle} has no effect.", "Leave it out.")
     with tempfile.TemporaryDirectory() as scratch:
         folder = keep or Path(scratch) / "study"
         asked = VirtualRun(folder, participants, seed, jobs, cluster, to_json, report)

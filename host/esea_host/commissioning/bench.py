@@ -87,7 +87,7 @@ class CommissioningBench:
         if missing:
             raise UserError(
                 f"{self.board.name} has no stream {missing[0]}.",
-                f"Commissioning needs a sensing task that is called {task}.",
+                f"Commissioning needs a sensing task named {task}.",
             )
         self.device, self.say = device, say
         self._hands, self.pass_time, self.hands_free = hands, pass_time, hands_free
@@ -141,18 +141,18 @@ class CommissioningBench:
                 found += new
                 silent_s = 0.0 if new else silent_s + turn_s
                 if silent_s > SILENT_S:  # what came before is no measurement of the step
-                    raise LinkError(f"nothing has come for {SILENT_S:g} s", "Look at its power.")
+                    raise LinkError(f"nothing has come for {SILENT_S:g} s", "Check its power.")
         finally:
             self.device.receiver.unsubscribe(queue)
         holes = [g for b in found for g in b.gaps]
         if holes:
-            raise UserError(f"Rows are missing: {holes[0]}.", "Look at the link, and do it again.")
+            raise UserError(f"Rows are missing: {holes[0]}.", "Check the link; repeat the step.")
         rows = {
             name: [b.rows for b in found if b.layout.name == name and len(b.rows)]
             for name in self._streams
         }
         if not all(rows.values()):
-            raise LinkError("the board reported no run", "Does it run?")
+            raise LinkError("the board reported no run", "Check its power.")
         given, told = (np.concatenate(rows[n]) for n in self._streams)
         _, i, j = np.intersect1d(given["sequence"], told["sequence"], return_indices=True)
         return Capture(self.device.identity.tick_us * 1e-6, given[i], told[j], self.axis)
@@ -207,7 +207,7 @@ class CommissioningBench:
         said = [f": {text}" for text in self.device.texts]
         raise UserError(
             f"The board took the motor off again {ARM_TRIES} times{''.join(said[-1:])}.",
-            "Look at 'which limit acts' in the live view: esea-host view.",
+            "Check 'which limit acts' in the live view: esea-host view.",
         )
 
     def driven(

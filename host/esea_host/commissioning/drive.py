@@ -18,7 +18,7 @@ from esea_host.commissioning.bench import Capture
 from esea_host.commissioning.startup import RATIO_OFF, DriveRecording, StartupCheck
 from esea_host.recording.layout import Array
 
-AGAIN = "Do it again; look for what is loose, or touched the joint."
+AGAIN = "Repeat it; check for loose parts and contact with the joint."
 LEAST_TURN_RAD = 0.5
 CELLS = 64  # in which errors over the travel are looked at
 TABLE = 16  # values of a correction, over the encoder's turn
@@ -67,9 +67,9 @@ def _direction(gear: float, motor: float, load: float) -> tuple[str, str] | None
             f"Turn the joint by at least {LEAST_TURN_RAD:g} rad, positive direction first.",
         )
     for name, value, fix in (
-        ("motor's own encoder", gear, "Look at its cable; is the drive coupled to the joint?"),
-        ("motor-side encoder", motor, "Look at its magnet and its cable."),
-        ("load-side encoder", load, "Look at its magnet and its cable."),
+        ("motor's own encoder", gear, "Check its cable and the drive's coupling to the joint."),
+        ("motor-side encoder", motor, "Check its magnet and cable."),
+        ("load-side encoder", load, "Check its magnet and cable."),
     ):
         if abs(value) < 0.5 * LEAST_TURN_RAD:
             return f"{seen}: the {name} hardly moved", fix
@@ -131,7 +131,7 @@ def _over_travel(r: DriveRecording, tau_Nm: Array) -> tuple[Array, Array, tuple[
     error = _error(r, tau_Nm, edges)
     seen = np.isfinite(error)
     if seen.sum() < CELLS / 2:
-        what = f"only {seen.sum()} of {CELLS} parts of the travel were gone through evenly"
+        what = f"only {seen.sum()} of {CELLS} parts of the travel were traversed evenly"
         return middle, error, (what, "Turn it slowly and evenly, twice.")
     error -= np.polyval(np.polyfit(middle[seen], error[seen], 1), middle)
     return middle, error, None
@@ -170,7 +170,7 @@ def judged_encoders(device: Device, c: Capture, r: DriveRecording) -> JudgedEnco
         StartupCheck(
             "encoders", "motor side: largest error over the travel", worst, ERROR_RAD, "rad",
             "Put into the device file: encoder.motor.correction_rad with the values "
-            f"{[round(x, 5) for x in table]}; outside of the travel they say nothing.",
+            f"{[round(x, 5) for x in table]}; outside of the travel they are not valid.",
         )
     )  # fmt: skip
     return JudgedEncoders(tuple(checks), None, found, middle, {"motor": error})
@@ -188,7 +188,7 @@ def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
     if max(map(abs, moved)) < LEAST_TURN_RAD:
         fix = f"Turn both by at least {LEAST_TURN_RAD:g} rad, positive direction first."
     elif min(map(abs, moved)) < 0.5 * LEAST_TURN_RAD:
-        fix = "Look at the magnet and the cable of the one that hardly moved; turn both sides."
+        fix = "Check magnet and cable of the encoder that hardly moved; turn both sides."
     elif min(moved) < 0:
         names = [n for n, v in zip(("motor", "load"), moved, strict=True) if v < 0]
         fix = (
@@ -208,7 +208,7 @@ def judged_sides(r: DriveRecording, tau_Nm: Array) -> JudgedEncoders:
         StartupCheck(
             "encoders", "error of the ratio of load side to motor side",
             100 * abs(ratio - 1), 100 * RATIO_OFF, "%",
-            "Turn both sides together; look at both magnets, and at encoder.resolution_bits.",
+            "Turn both sides together; check both magnets and encoder.resolution_bits.",
         ),
         StartupCheck(
             "encoders", "largest difference of the sides over the travel", worst, 2 * ERROR_RAD,
@@ -274,7 +274,7 @@ def motor_sign(
         told = f"the command did {work_J:+.3g} J of work on the drive, {either_J:.3g} J either way"
         if share < 0:
             return told, AGAINST
-        return told, "It hardly moved: is the drive enabled, and does no brake hold the shaft?"
+        return told, "It hardly moved: check that the drive is enabled and no brake is on."
     # Swapped encoders wind the coupling up until a limit acts: it may have ended before.
     turned, sensed, stood = map(np.ptp, (r.gear_rad, r.load_rad, r.motor_rad))
     if sensed > FOLLOWS * turned and stood < STANDS * turned:

@@ -103,7 +103,7 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
     limit_Nm = ZERO_LIMIT.torque_Nm(bench.board.tau_full_scale_Nm, 0.0)
     over(below, c.time_s, [("sensed torque", c["tau_Nm"])], TIME, "Nm", limit_Nm)
     if state != "READY":
-        fix = "Hold the joint still, and look at the encoders' status words in the live view."
+        fix = "Hold the joint still, and check the encoders' status words in the live view."
         problem = f"The board is {state} after {tries} tries, not READY.", fix
         return StepResult("zero", ZERO, figure, problem=problem, found={"tries": tries})
     at, spread = (max(f(c[f"theta_{n}_rad"]) for n in ("motor", "load")) for f in (_off, np.ptp))
@@ -113,7 +113,7 @@ def _zero(bench: CommissioningBench, _: StepOptions) -> StepResult:
         StartupCheck("zero", "motion at rest", float(spread), REST_RAD, "rad", AGAIN),
         StartupCheck(
             "zero", "sensed torque with nothing on it", torque, limit_Nm, "Nm",
-            "Take off what pulls at the joint, and zero again.",
+            "Remove what loads the joint, and zero again.",
         ),
     )  # fmt: skip
     found = {"tries": tries, "joint_rad": at, "torque_Nm": torque}
@@ -183,13 +183,13 @@ def _friction(bench: CommissioningBench, _: StepOptions) -> StepResult:
     c = _turned(bench, f"at about {speeds} rad/s.", FRICTION_RAD_S)
     f = turned_friction(bench.board, bench.recording(c))
     figure, (axes,) = new_picture("torque that turns the drive", bench.device.simulated)
-    lines = [("by the rubber", f.rubber_Nm), ("friction and inertia as found", f.model_Nm)]
+    lines = [("by the rubber", f.rubber_Nm), ("identified friction and inertia", f.model_Nm)]
     over(axes, f.time_s, lines, TIME, "Nm at the joint")
     a = bench.board.file.actuator
     assert a is not None
     full_Nm = a.gear_ratio.value * a.u_max_Nm.value
     lost = f.fc.value + f.fv.value * max(FRICTION_RAD_S)
-    look = "Look for a cable that rubs, a tight bearing, too much tension."
+    look = "Check for a rubbing cable, a tight bearing, too much tension."
     checks = (
         StartupCheck(
             "friction", f"friction at {max(FRICTION_RAD_S):g} rad/s, of the motor's largest torque",
@@ -252,7 +252,7 @@ def _sign(bench: CommissioningBench, _: StepOptions) -> StepResult:
         checks = (
             StartupCheck(
                 "sign", "rms error of the torque", error_Nm, 0.5 * most_Nm,
-                "Nm", "Look at the live view: which limit acts, and whether the cable is tight.",
+                "Nm", "Check in the live view which limit acts, and whether the cable is tight.",
             ),
         )  # fmt: skip
         found["torque_error_rms_Nm"] = error_Nm
@@ -272,7 +272,7 @@ def _torque(bench: CommissioningBench, options: StepOptions) -> StepResult:
     check = _load_check(bench.board, options)
     bench.make_ready()
     if check.known.torque_Nm < (least_Nm := judged_from_Nm(bench.board)):
-        bench.say(f"A sensor passes from {least_Nm:.3g} Nm on; with this load it can only fail.")
+        bench.say(f"The load must be at least {least_Nm:.3g} Nm; with less, no sensor passes.")
     needed_s = check.settle_s + check.record_s + 0.2
     parts = []
     again: list[str] = []
@@ -359,8 +359,8 @@ def _adaptation(bench: CommissioningBench, options: StepOptions) -> StepResult:
         below.remove()
         problem = (
             f"The board switched itself off: {bench.fault_name(fault)}.",
-            f"Was {masses[len(swings) - 1].mass_kg:g} kg on the arm, and did it hang straight down "
-            f"at {math.degrees(hangs_rad):.0f} deg, untouched?  Clear the fault, and do it again.",
+            f"Check that {masses[len(swings) - 1].mass_kg:g} kg hung on the arm, straight down "
+            f"at {math.degrees(hangs_rad):.0f} deg.  Acknowledge the fault, and repeat the step.",
         )
         return StepResult("adaptation", ADAPTATION, figure, (), problem, {"fault": fault})
     judged = judged_swings(device, swings, hangs_rad)
@@ -409,7 +409,7 @@ def _swung(
         said = "".join(f" ({text})" for text in list(bench.device.texts)[-1:])
         raise UserError(
             f"The swing ended after {lasted_s:.1f} s: the board is {bench.device.state()}{said}.",
-            "Look at the link and at who else commands the board, and do it again.",
+            "Check the link and who else commands the board, and repeat the step.",
         )
     return SwungMass(known.weight_Nm + arm_Nm, bench.recording(c), c["tau_Nm"])
 
@@ -430,15 +430,15 @@ STEPS = (
         "which way each encoder counts, and how far the motor side's is off over the travel",
         _encoders,
     ),
-    CommissioningStep("sign", SIGN, "that the motor turns the way it is told to", _sign, True),
+    CommissioningStep("sign", SIGN, "that the motor turns as commanded", _sign, True),
     CommissioningStep(
-        "friction", FRICTION, "friction of drive and cable, as a hand feels it", _friction
+        "friction", FRICTION, "friction of drive and cable, felt by a hand", _friction
     ),
     CommissioningStep(
-        "torque", TORQUE, "that the sensor is right", _torque, False, (MASS,), _load_check
+        "torque", TORQUE, "the sensor's accuracy", _torque, False, (MASS,), _load_check
     ),
     CommissioningStep(
-        "adaptation", ADAPTATION, "what the rubber at hand gives for a desired torque", _adaptation,
+        "adaptation", ADAPTATION, "gain and loss of this rubber", _adaptation,
         True, (MASS, SECOND), _masses,
     ),
 )  # fmt: skip

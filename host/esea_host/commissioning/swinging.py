@@ -180,7 +180,7 @@ def judged_swings(device: Device, swings: Sequence[SwungMass], hangs_rad: float)
     if not least >= LEAST_RAD:
         raise UserError(
             f"The arm swung by {least:.2f} rad either way, below {LEAST_RAD:g} rad.",
-            "Is the drive enabled, and is the arm free?",
+            "Check that the drive is enabled and the arm is free.",
         )
     sensor, motor, gain = _fitted(rows, swings[0].recording.tick_s)
     loss, offset, along, across, common, rate = (float(x) for x in sensor.values[:6])
@@ -222,23 +222,23 @@ def _checks(
     bound = 1 / own.scale_least.value if gain > 1 else 1 / own.scale_most.value
     # What is sensed with nothing on the joint has passed the step 'zero' with this limit.
     zero_Nm = ZERO_LIMIT.torque_Nm(device.tau_full_scale_Nm, 0.0)
-    touched = "Does a hand rest on the arm, or a cable pull at it?"
+    touched = "Check that no hand or cable touches the arm."
     rows = (
         (
             "torque that no hanging mass explains, effective", found["left_rms_Nm"],
             LEFT_SHARE * device.tau_full_scale_Nm, "Nm",
-            f"{touched}  Nobody may touch it; fix the mass, and do it again.  If it stays: "
-            "are the joint encoders right (step 'encoders')?",
+            f"{touched}  Fix the mass, and repeat the step.  If the error remains: "
+            "check the joint encoders (step 'encoders').",
         ),
         (
             "half the interval of the gain", 100 * found["gain_half_interval"], GAIN_PCT, "%",
-            f"The swings say too little.  {touched}",
+            f"The swings do not determine it.  {touched}",
         ),
         (
             "weight not stated, by the difference of the masses", abs(weight),
             WEIGHT_SHARE * mass_Nm, "Nm",
             f"The arm's own weight is missing or wrong (add {weight:+.3g} Nm to --arm-weight), or "
-            "a hand rests on the arm, or a mass is not what is stated.",
+            "a hand rests on the arm, or a stated mass is wrong.",
         ),
         (
             "angle at which it hangs, off the one stated", abs(tilt_deg), TILT_DEG, "deg",
@@ -248,19 +248,19 @@ def _checks(
         (
             "damping of the joint that bears the mass", abs(found["damping_Nms_rad"]),
             DAMPING_NMS_RAD, "Nms/rad",
-            f"The bearing is tight, or somebody brakes it.  {touched}",
+            f"Check for a tight bearing.  {touched}",
         ),
         (
             "gain, of its bound", 100 * math.log(gain) / math.log(bound), 99.0, "%",
-            "A rubber so far from its model is another one: identify it, or exchange it.",
+            "The rubber differs too much from its model: identify it, or exchange it.",
         ),
         (
             "loss, of its bound", 100 * abs(found["loss"]) / own.loss_most.value, 99.0, "%",
-            "Is the coupling worn, or does it slip?",
+            "Check the coupling for wear and slip.",
         ),
         (
             "offset", abs(found["offset_Nm"]), min(own.offset_Nm.value, zero_Nm), "Nm",
-            f"{touched}  If not, do the step 'zero' again, with nothing on the joint.",
+            f"{touched}  If it is free, do the step 'zero' again, with nothing on the joint.",
         ),
         (
             "error of the motor's torque, of the known one",

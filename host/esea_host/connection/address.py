@@ -126,7 +126,7 @@ class SimulatedProcess(SocketTransport):
             reader.join()
             _, error = self._process.communicate()
             what = "the simulated board did not start"
-            fix = f"It said nothing in {START_S:g} s: its C is compiled; is the machine busy?"
+            fix = f"It printed nothing in {START_S:g} s while it compiles its C; try again."
             raise LinkError(what, "" if ended else fix, error.decode().strip())
         return int(port)
 

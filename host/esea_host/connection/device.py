@@ -283,7 +283,7 @@ class ConnectedDevice:
         chosen = [s for s in (self.streams if streams is None else streams) if s not in named]
         names = {layout.name: n for n, layout in self.receiver.decoder.layouts.items()}
         if unknown := [s for s in chosen if s not in names]:
-            raise UserError(f"There is no stream '{unknown[0]}'.", f"There is {', '.join(names)}.")
+            raise UserError(f"There is no stream '{unknown[0]}'.", f"Use {', '.join(names)}.")
         return chosen, names
 
     def listen_named(
@@ -353,7 +353,7 @@ class ConnectedDevice:
                 batches = subscription.take(timeout_s)
                 if not batches:
                     what = f"no {stream} came within {timeout_s:g} s"
-                    raise LinkError(what, "Does the board run?")
+                    raise LinkError(what, "Check that the board runs.")
                 for batch in batches:
                     yield from _run_samples(batch, wanted)
         finally:
@@ -441,7 +441,7 @@ class ConnectedDevice:
         if len(found) != 1:
             near = ", ".join(found or difflib.get_close_matches(name, known, 3, 0.4) or known)
             many = "is not the name of one parameter" if found else "is not a parameter"
-            raise UserError(f"'{name}' {many} of {self.identity.device.name}.", f"One of: {near}.")
+            raise UserError(f"'{name}' {many} of {self.identity.device.name}.", f"Use one: {near}.")
         return found[0]
 
     def set(self, name: str, value: float) -> float:

@@ -142,7 +142,7 @@ def identify(
         if name not in shipped_devices():
             raise UserError(
                 f"The board runs the device '{name}', which does not come with this version.",
-                "Say which file it is of: --device FILE.toml",
+                "Give its device file: --device FILE.toml",
             )
         device = loaded_device(name)
     board = _text(info.board), int(info.tick_us)
@@ -191,7 +191,7 @@ def _obeys(session: Session) -> bool:
 def passive(device: str | None) -> Identity:
     """Identity for bytes from a file, which cannot be asked: the caller names the device."""
     if device is None:
-        raise UserError("Bytes in a file do not say whose they are.", "Add --device elbow_drive.")
+        raise UserError("A file of bytes does not name its device.", "Add --device elbow_drive.")
     loaded = board_device(loaded_device(device))
     tick_us = round(loaded.system.base_period_s * 1e6)
     return Identity(loaded, "f32", "unknown", "file", tick_us)
@@ -204,9 +204,9 @@ def check_hash(device: Device, told: str, board: str, tick_us: int) -> Identity:
     if told == ours:
         return Identity(device, real, told, board, tick_us)
     raise UserError(
-        f"The board '{board}' runs other C of {device.name}: content hash {told}, and this tree's "
-        f"device file gives {ours}. Units, bounds and limits may differ.",
-        f"Flash what belongs to this tree: {_build(device, board)}; or use the version that made "
+        f"The board '{board}' runs different C of {device.name}: content hash {told}, and this "
+        f"tree's device file gives {ours}. Units, bounds and limits may differ.",
+        f"Flash this tree's firmware: {_build(device, board)}; or use the version that built "
         "the board's.",
     )
 

@@ -33,7 +33,7 @@ class FoxgloveOutlet:
         try:
             self._server = self._foxglove.start_server(name="esea-host", host=host, port=port)
         except (OSError, RuntimeError) as error:
-            raise UserError(f"Port {port} cannot be served ({error}).", "Name another.") from None
+            raise UserError(f"Port {port} cannot be served ({error}).", "Use another.") from None
         self.port = int(self._server.port)
         self.said = f"Foxglove: ws://{host}:{self.port}"
         self._channels: dict[str, Any] = {}

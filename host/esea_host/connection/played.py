@@ -44,7 +44,7 @@ class PlayedBoard(ConnectedDevice):
     def __init__(self, log: Log, speed: float = 1.0) -> None:
         if not SLOWEST <= speed <= FASTEST:
             raise UserError(
-                f"Nothing is played at {speed:g} times its speed.", "Say 0.001 to 1000."
+                f"A playback speed of {speed:g} is out of range.", "Give 0.001 to 1000."
             )
         device, facts = device_of(log), log.facts
         words = facts.get("real", "f32"), facts["content_hash"], facts.get("board", "unknown")

@@ -222,7 +222,7 @@ class Receiver(Transport):
             except LinkError:
                 if not self.away:
                     raise
-        raise LinkError(self.away_text(), "Ask again when the link is back.")
+        raise LinkError(self.away_text(), "Try again when the link is back.")
 
     def said(self) -> str:
         return self.transport.said()
@@ -239,7 +239,7 @@ class Receiver(Transport):
             if not self._others and timeout_s > 0 and self._thread is not None:
                 self._changed.wait_for(lambda: self._others or self.error or self._cut(), timeout_s)
             if self._cut() and self.error is None:
-                raise LinkError(self.away_text(), "No answer came. Look at the board's state.")
+                raise LinkError(self.away_text(), "No answer came. Check the board's state.")
             if not self._others and self.error is not None:
                 raise self.error
             data = bytes(self._others)

@@ -145,7 +145,7 @@ def analyse_interaction(
 def _comparisons(found: Recordings, task: TaskRecordings) -> list[ElementComparison]:
     if len(task.people) < 2:
         raise UserError(
-            f"{task.task}: {len(task.people)} person with both elements.", "At least 2."
+            f"{task.task}: people with both elements: {len(task.people)}.", "Record at least 2."
         )
     chains = Chains(task.theta_deg, task.fs_Hz, found.manifest.last_s)
     family = len(FAMILY) * len(found.tasks)
@@ -219,6 +219,6 @@ def _sensitivity(chains: Chains, metric: Metric) -> Sensitivity:
             continue
         seen.append((float(np.median(spring)), float(np.median(elastomer)), p))
     if not seen:
-        raise UserError(f"{metric.name}: {refused[0]}", "Look at the recordings.")
+        raise UserError(f"{metric.name}: {refused[0]}", "Check the recordings.")
     ends = [(min(column), max(column)) for column in zip(*seen, strict=True)]
     return Sensitivity(ends[0], ends[1], ends[2], len(seen), tuple(refused))

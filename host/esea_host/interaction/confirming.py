@@ -123,7 +123,7 @@ class ElementFinding:
             f"allowed {100 * (STIFFNESS_LIMIT - self.u_stiffness):.1f} %; {100 * m.memory:.1f} % "
             f"of the deflection stays after unloading, {100 * stays:+.1f} % off, allowed "
             f"{100 * (MEMORY_LIMIT - self.u_memory):.1f} %. {like} Build in the {self.element}, "
-            "unload and zero the joint, then go on with study resume"
+            "unload and zero the joint, then continue"
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def judge(
     ):
         if u > limit / 2:
             raise UserError(
-                f"With this mass the {what} comes out to {100 * u:.1f} % (95 %), at most "
+                f"With this mass the {what} is uncertain by {100 * u:.1f} % (95 %), at most "
                 f"{50 * limit:.1f} % is needed.",
                 "Take a heavier mass or a longer lever, and measure both well.",
             )

@@ -35,7 +35,7 @@ class LoadingProtocol:
             raise UserError(f"{self} has no motion.", "Give more than 0.")
         if fs_Hz < 20 * self.frequency_Hz:
             raise UserError(
-                f"{fs_Hz:g} Hz for a sine of {self.frequency_Hz:g} Hz.", "20 samples a cycle."
+                f"{fs_Hz:g} Hz for a sine of {self.frequency_Hz:g} Hz.", "Give 20 a cycle or more."
             )
         w, step = 2 * np.pi * self.frequency_Hz, 1 / fs_Hz
         time = np.arange(round(self.cycles / self.frequency_Hz * fs_Hz) + 1) * step
@@ -178,15 +178,15 @@ def analyse_loading(
     if np.max(np.abs(theta)) > np.pi:
         raise UserError(
             f"theta_rad: {np.max(np.abs(theta)):.3g} rad from rest.",
-            "At most half a turn: give radians, and the angle at rest.",
+            "Give radians, at most half a turn, and the angle at rest.",
         )
     if theta.shape != tau.shape:
-        raise UserError(f"{len(theta)} angles and {len(tau)} torques.", "Give one torque an angle.")
+        raise UserError(f"{len(theta)} angles and {len(tau)} torques.", "Give one per angle.")
     branches = [b for b in loading_branches(theta) if not (skip_first and b.first)]
     if len({b.positive for b in branches}) < 2 or len(branches) < 3:
         raise UserError(
             f"{len(branches)} loading branches.",
-            "At least 3, on both sides of rest, for an interval.",
+            "Record at least 3, on both sides of rest.",
         )
     pieces = [(theta[b.start : b.stop], tau[b.start : b.stop]) for b in branches]
     whole, at_rest = _line(pieces)

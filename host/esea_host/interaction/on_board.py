@@ -170,7 +170,7 @@ class ElementBoard(BoardSource):
             if self.now_s() > until_s:
                 raise UserError(
                     f"Within {LONGEST_S:g} s the coupling was not {phase} and still.",
-                    "Load it as asked, then go on with study resume.",
+                    "Load it as requested, then continue.",
                 )
         return math.nan
 

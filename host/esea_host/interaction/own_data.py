@@ -272,5 +272,5 @@ def _measured(
         except smoothness.NoAnswerError as error:
             refused.append(f"{kind} ({convention}): {error}")
     if not results:
-        raise UserError(f"{path.name}: {refused[0]}", "Look at the recording.")
+        raise UserError(f"{path.name}: {refused[0]}", "Check the recording.")
     return tuple(results), tuple(refused)

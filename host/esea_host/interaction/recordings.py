@@ -113,7 +113,7 @@ def read_manifest(folder: Path) -> Manifest:
     groups: dict[str, str] = {}
     for e in manifest.recording:
         if groups.setdefault(e.participant, e.group) != e.group:
-            raise UserError(f"{path.name}: {e.participant} is in two groups.", "Correct one.")
+            raise UserError(f"{path.name}: {e.participant} is in two groups.", "Keep one group.")
     for e in manifest.recording:
         if e.element != element_of(e.group, e.block):
             raise UserError(
@@ -125,7 +125,7 @@ def read_manifest(folder: Path) -> Manifest:
         if other != e.file or sum(x == e for x in manifest.recording) > 1:
             raise UserError(
                 f"{path.name}: {other} and {e.file} are the same person, task and block.",
-                "Keep the valid one.",
+                "Remove the invalid one.",
             )
     return manifest
 
@@ -211,7 +211,7 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
                 )
             )
     if not tasks:
-        known = ", ".join(left_out) or "nobody is there"
+        known = ", ".join(left_out) or "no recordings"
         raise UserError(
             f"{folder}: nobody has both elements in any task: {known}.",
             "Add the missing recordings.",
@@ -239,14 +239,14 @@ def _stacked(
         marked = says_simulated(table) or is_simulated(folder / e.file)
         if marked and not manifest.simulated:
             raise UserError(
-                f"{MANIFEST}: {e.file} says that it is simulated.", "Write simulated = true."
+                f"{MANIFEST}: {e.file} is marked as simulated.", "Write simulated = true."
             )
     rate = next(iter(rates.values()))
     odd = [f for f, r in rates.items() if abs(r / rate - 1) > 1e-3]
     if odd:
         raise UserError(
             f"{odd[0]}: {rates[odd[0]]:g} Hz, the others {rate:g} Hz.",
-            "The metrics depend on the rate: resample knowingly.",
+            "The metrics depend on the rate: resample all to one.",
         )
     shortest = min(len(a) for a in angles.values())
     if shortest < manifest.last_s * rate:
@@ -289,7 +289,7 @@ def _cut(trace: TrialTrace, recordings: BoardRecordings, target: Path) -> bool:
     if not done:
         raise UserError(
             f"Trial {number} is in none of {', '.join(p.name for p in recordings.paths)}.",
-            "Put the recording of that session back beside its log.",
+            "Restore that session's recording beside its log.",
         )
     attempt = done[-1]  # a repeated trial counts as it was done last
     assert attempt.ended_ns is not None

@@ -114,12 +114,12 @@ class ElementRig:
         if board.state_now not in RUNS:
             raise UserError(
                 f"The simulated board of {self.device.name} is {board.state_now}.",
-                "Nothing that it says of angle and torque is true now; begin the session again.",
+                "Its angle and torque are not valid; start the session again.",
             )
         if abs(wrist.theta_rad) > self._most_rad:
             raise UserError(
                 f"The {self.element} is bent by {math.degrees(wrist.theta_rad):.1f} deg, its law "
-                f"goes to {math.degrees(self._most_rad):.1f} deg.",
+                f"ends at {math.degrees(self._most_rad):.1f} deg.",
                 "Ask people for less motion.",
             )
         return read

@@ -43,7 +43,7 @@ def read_rows(
     """A table of texts that has these columns, and each row with its place for messages."""
     table = read_table(path, needed, name=path.name)
     if not len(table):
-        raise UserError(f"{path.name}: no rows.", "Give one row an entry.")
+        raise UserError(f"{path.name}: no rows.", "Add one row per entry.")
     columns = zip(*(table.texts(n) for n in needed), strict=True)
     rows = [dict(zip(needed, cells, strict=True)) for cells in columns]
     return table, [(table.at(k), row) for k, row in enumerate(rows)]
@@ -119,7 +119,7 @@ def answer(word: str, where: str) -> int:
     except ValueError:
         level = 99.0
     if level not in LEVELS.values():
-        raise UserError(f"{where}: answer {word!r}.", f"-2 to 2, or one of {', '.join(LEVELS)}.")
+        raise UserError(f"{where}: answer {word!r}.", f"Use -2 to 2 or {', '.join(LEVELS)}.")
     return int(level)
 
 
@@ -136,11 +136,11 @@ def read_survey(path: Path) -> Survey:
     for where, row in rows:
         who, group = row["participant"], row["group"]
         if group not in FIRST:
-            fix = "A has the spring first, B the elastomer."
+            fix = "Give A (spring first) or B (elastomer first)."
             raise UserError(f"{where}: group {group!r}.", fix)
         if who in people or not who:
             raise UserError(
-                f"{where}: participant {who!r} again, or without a code.", "One row each."
+                f"{where}: participant {who!r} is repeated or empty.", "Give one row each."
             )
         people[who] = group
         for q in QUESTIONS:
@@ -282,16 +282,16 @@ def read_comments(path: Path) -> Comments:
             )
         given = codes.setdefault(row["coder"], {})
         if (comment, theme) in given:
-            raise UserError(f"{where}: {comment} has the theme {theme} twice.", "Once a coder.")
+            raise UserError(f"{where}: {comment} has the theme {theme} twice.", "Keep one row.")
         given[comment, theme] = tone
     if len(codes) != 2:
-        raise UserError(f"{path.name}: {len(codes)} coders.", "Two, who code the same comments.")
+        raise UserError(f"{path.name}: coders: {len(codes)}.", "Two must code the same comments.")
     one, other = codes.values()
     missing = {c for c, _ in one} ^ {c for c, _ in other}
     if missing:
         raise UserError(
             f"{path.name}: only one coder has {', '.join(sorted(missing))}.",
-            "Both code all of them.",
+            "Let both code all comments.",
         )
     themes, both = sorted({t for _, t in (*one, *other)}), sorted(one.keys() & other.keys())
     tally = Counter((w, elements[c], t, v) for w in codes for (c, t), v in codes[w].items())

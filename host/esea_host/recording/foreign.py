@@ -103,7 +103,7 @@ def read_mapping(path: Path) -> ForeignMapping:
         raise UserError(f"{path.name}: '{twice[0]}' names two columns.", "Name each differently.")
     if mapping.stream in EVENTS:
         raise UserError(
-            f"{path.name}: stream = '{mapping.stream}' is a recording's own.", "Name another."
+            f"{path.name}: stream = '{mapping.stream}' is reserved for esea-host.", "Name another."
         )
     return mapping
 

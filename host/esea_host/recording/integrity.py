@@ -25,7 +25,7 @@ class RecordingState(Enum):
 
 MEANINGS = {
     RecordingState.DAMAGED: "bytes were changed or lost after they had been written",
-    RecordingState.DISK_FULL: "the disk was full: what had been written by then is there",
+    RecordingState.DISK_FULL: "the disk was full: all data until then is there",
     RecordingState.TRUNCATED: "it was not finished, or its end is cut off",
     RecordingState.DISCONNECTED: "the board went away and did not come back",
     RecordingState.COMPLETE: "all that was recorded is there",
@@ -87,7 +87,7 @@ REASONS = {
     "host": "the host could not keep up and dropped them",
     "disconnected": "the link was broken meanwhile",
     "recording": "a piece of the recording is damaged",
-    "foreign": "the imported log says so: its time jumps there",
+    "foreign": "the imported log's time jumps there",
 }
 
 

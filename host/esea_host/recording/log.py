@@ -59,7 +59,7 @@ class Table:
         """A column, shape (n,), or (n, size) of a vector."""
         if name not in self.names:
             known = ", ".join(self.names)
-            raise UserError(f"{self.layout.name} has no column {name}.", f"It has {known}.")
+            raise UserError(f"{self.layout.name} has no column {name}.", f"Choose from {known}.")
         return np.asarray(self.rows[name])
 
     @property

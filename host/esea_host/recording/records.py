@@ -151,7 +151,7 @@ def unpack(kind: str, data: memoryview, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise PieceError(f"cannot be unpacked ({shown(str(error))})") from None
     if len(found) != size:
-        raise PieceError("unpacks to another number of bytes than it says")
+        raise PieceError("unpacks to a number of bytes other than stated")
     return found
 
 

@@ -85,7 +85,7 @@ def device_of(log: Log) -> Device:
     facts = log.facts
     if "device" not in facts or "content_hash" not in facts:
         fix = "Record with esea-host." if log.whole else f"It is {log.integrity}."
-        raise UserError(f"{log.path.name} does not say which C made it.", fix)
+        raise UserError(f"{log.path.name} does not name the C that made it.", fix)
     if facts["device"] in shipped_devices() and not facts.get("controller"):
         device = loaded_device(facts["device"])
     else:  # somebody's own, which lies in the recording; its own laws run once they are trusted

@@ -50,7 +50,7 @@ class Recorder:
         try:
             self._file = self.path.open("x+b")
         except FileExistsError:
-            raise UserError(f"{path} is there already.", "Give another name.") from None
+            raise UserError(f"{path} already exists.", "Give another name.") from None
         except OSError as error:
             raise UserError(f"{path} cannot be written: {error.strerror}.", "") from None
         kind = CompressionType.ZSTD if compress else CompressionType.NONE

@@ -49,7 +49,7 @@ def run_demo(
     target = recording or report.with_suffix(".mcap")
     for path in (target, report):
         if path.exists():
-            raise UserError(f"{path} is there already.", "Give another name.")
+            raise UserError(f"{path} already exists.", "Give another name.")
     own = isinstance(device, str)
     if isinstance(device, str):
         require_device(loaded_device(device), lambda d: bool(d.laws), "has no motor")

@@ -67,7 +67,7 @@ class SimulatedBoard:
             if unfit := [n for n, v in of_drive.items() if v]:
                 raise UserError(
                     f"{given.name} has no drive: {' and '.join(unfit)} cannot be chosen.",
-                    "Say how it is moved: --motion person, therapist or a table's file.",
+                    "Choose how it is moved: --motion person, therapist or a table's file.",
                 )
             self._clamped = False
             self.first_plant: SteppedTwin | MovedJoint = self._moved_joint()
@@ -75,7 +75,7 @@ class SimulatedBoard:
             if motion is not None:
                 raise UserError(
                     f"{given.name} has a drive: a motion of both its sides cannot be given.",
-                    "Say who is in it: --person NAME.",
+                    "Choose the person in it: --person NAME.",
                 )
             plant, person = known("plant", plant or PLANT, PLANT_NAMES), person or PERSON
             self._person, self._clamped = self._named(person), person == CLAMPED

@@ -141,14 +141,14 @@ def recorded_motion(device: DeviceData, path: Path) -> Iterator[Angles]:
     values = {n: table.numbers(c) for n, c in columns.items()}
     time_s = values["time_s"]
     if len(time_s) < 2:
-        raise UserError(f"{path} has {len(time_s)} rows.", "A motion has 2 at least.")
+        raise UserError(f"{path} has {len(time_s)} rows.", "Give at least 2 rows.")
     steps_s = np.diff(time_s)
     bad = np.flatnonzero((steps_s <= 0) | (steps_s > MOST_GAP_S))
     if len(bad):
         raise UserError(
             f"{table.at(int(bad[0]) + 1, 'time_s')}: {steps_s[bad[0]]:.6g} s after the row "
             f"before; allowed is above 0 and at most {MOST_GAP_S:g} s.",
-            "Take a part without gaps, with rising times.",
+            "Use a part without gaps, with rising times.",
         )
     joint = device.file.joint
     assert joint is not None  # a board's device has one

@@ -148,7 +148,7 @@ def serve(
     spring_Nm_rad: float = 0.0,
 ) -> None:
     if not 0 <= speed <= 1000:
-        raise UserError(f"A speed of {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
+        raise UserError(f"Invalid speed {speed:g}.", "Give 0 (as fast as it is read) to 1000.")
     tell = say or (lambda text: print(text, flush=True))
     drive = SimulatedBoard(device, plant, person, seed, board, motion, spring_Nm_rad)
     named = drive.device.name

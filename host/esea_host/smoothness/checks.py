@@ -88,7 +88,7 @@ def rows(
         raise NoAnswerError(
             "constant",
             f"{name}{_row(still, stacked)} is constant.",
-            "Nothing moves there: leave it out.",
+            "Leave it out: it has no movement.",
         )
     return found, stacked
 
@@ -118,7 +118,7 @@ def _no_gap(found: Array, name: str, stacked: bool) -> None:
             "gap",
             f"{name}{_row(bad, stacked)} has a gap: {int(missing.sum())} of {missing.size} samples "
             f"are NaN or infinite, the first is sample {first}.",
-            "Cut the movement there, or fill the gap knowingly and say so.",
+            "Cut the movement there, or fill the gap and report it.",
         )
 
 
@@ -133,7 +133,7 @@ def _steady(time_s: ArrayLike, samples: int, fs_Hz: float) -> None:
     fault = unsteady(time, fs_Hz)
     if fault is not None:
         raise NoAnswerError(
-            "gap", fault[1], "Resample to a steady rate knowingly, or cut the movement there."
+            "gap", fault[1], "Resample to a steady rate and report it, or cut the movement there."
         )
 
 

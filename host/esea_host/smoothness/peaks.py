@@ -45,7 +45,7 @@ def submovements(
         raise NoAnswerError(
             "setting",
             f"A threshold of {threshold} and peaks {apart_s} s apart.",
-            "More than 0 and less than 1; 0 s or more.",
+            "Give more than 0 and less than 1; 0 s or more.",
         )
     found, stacked = rows(speed, "The speed", fs_Hz, time_s, magnitude=True)
     not_aliased(found, "The speed", stacked)

@@ -100,9 +100,9 @@ def _spectral_arcs(
     found: Array, fs_Hz: float, cutoff_Hz: float, threshold: float, padlevel: int
 ) -> Array:
     if not 0 < as_number(threshold) < 1:
-        raise NoAnswerError("setting", f"A threshold of {threshold}.", "More than 0, less than 1.")
+        raise NoAnswerError("setting", f"A threshold of {threshold}.", "Give one between 0 and 1.")
     if padlevel not in range(_MOST_PADDING + 1):
-        raise NoAnswerError("setting", f"A padlevel of {padlevel}.", f"0 to {_MOST_PADDING}.")
+        raise NoAnswerError("setting", f"A padlevel of {padlevel}.", f"Give 0 to {_MOST_PADDING}.")
     duration_s = found.shape[1] / fs_Hz
     if duration_s * cutoff_Hz < 1:
         raise NoAnswerError(

@@ -40,7 +40,7 @@ def cohens_kappa(one: Sequence[str], other: Sequence[str]) -> Agreement:
         )
     names = sorted({str(x) for x in (*one, *other)})
     if len(names) < 2:
-        raise NoStatisticError("Both coders use one code only.", "Chance explains that.")
+        raise NoStatisticError("Both coders use one code only.", "Kappa needs two or more.")
     table = np.zeros((len(names), len(names)), dtype=int)
     np.add.at(table, ([names.index(str(x)) for x in one], [names.index(str(x)) for x in other]), 1)
     # Of full agreement it also forms a z value, 0/0, which is not used.

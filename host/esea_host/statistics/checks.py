@@ -29,13 +29,13 @@ def numbers(values: ArrayLike, name: str, least: int = 1) -> Array:
     try:
         found = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise NoStatisticError(f"{name}: no numbers.", "Give one number a person.") from None
+        raise NoStatisticError(f"{name}: no numbers.", "Give one number per person.") from None
     if found.ndim != 1 or len(found) < least:
         raise NoStatisticError(f"{name}: shape {found.shape}.", f"Give at least {least} numbers.")
     if not np.isfinite(found).all():
         raise NoStatisticError(
             f"{name}: {int(np.sum(~np.isfinite(found)))} of {len(found)} are missing or infinite.",
-            "Leave these people out knowingly, and say so.",
+            "Leave these people out, and report it.",
         )
     return found
 

@@ -99,7 +99,7 @@ def _checked(
     if min(forward.sum(), (~forward).sum()) < 2:
         raise NoStatisticError(
             f"{forward.sum()} and {(~forward).sum()} people in the two sequences.",
-            "At least 2 in each.",
+            "Give at least 2 in each.",
         )
     return one, two, forward
 

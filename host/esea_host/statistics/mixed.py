@@ -66,7 +66,7 @@ def mixed_model(
     if df < 1 or np.linalg.matrix_rank((table - common)[:, 2:]) < 2:
         raise NoStatisticError(
             "The mixed model cannot tell treatment and period apart.",
-            "At least 3 people with both periods, not all in one order.",
+            "Give at least 3 people with both periods, not all in one order.",
         )
 
     def fitted(ratio: float) -> tuple[float, Array, Array, float]:
@@ -90,7 +90,7 @@ def mixed_model(
     ratio = min((0.0, float(np.exp(log))), key=lambda r: fitted(r)[0])
     _, effects, covariance, variance = fitted(ratio)
     if best == len(grid) - 1 or spread * np.sqrt(variance) <= ROUNDING * scale:
-        raise NoStatisticError("The mixed model has no standard errors.", "Nothing is left over.")
+        raise NoStatisticError("The mixed model has no standard errors.", "Add people.")
     errors = np.sqrt(np.diag(covariance))
     p = 2 * t.sf(np.abs(effects / errors), df)
     effects, errors, within = spread * effects, spread * errors, spread * float(np.sqrt(variance))
@@ -116,7 +116,7 @@ def _checked(
 ) -> Array:
     """Number of each recording's person."""
     if not len(found) == len(people) == len(treatment) == len(period):
-        raise NoStatisticError("Columns of different lengths.", "Give one row a recording.")
+        raise NoStatisticError("Columns of different lengths.", "Give one row per recording.")
     unknown = [*sorted(set(treatment) - set(treatments)), *sorted(set(period) - {1, 2})]
     if unknown or treatments[0] == treatments[1]:
         raise NoStatisticError(

@@ -57,7 +57,7 @@ def paired_t_power(n: int, dz: float, alpha: float = 0.05) -> float:
     """Power of the two-sided paired t test, exact for normal differences."""
     share(alpha, "An alpha")
     if n < 2 or not math.isfinite(dz):
-        raise NoStatisticError(f"{n} pairs, d_z = {dz}.", "At least 2 pairs, and a number.")
+        raise NoStatisticError(f"{n} pairs, d_z = {dz}.", "Give at least 2 pairs and a number.")
     critical, shift = float(t.isf(alpha / 2, n - 1)), dz * math.sqrt(n)
     return float(np.sum(nct.sf(critical, n - 1, [shift, -shift])))
 

@@ -112,7 +112,7 @@ def code_in(path: Path, stratum: str, place: int) -> str:
         if (row.get("stratum"), row.get("place")) == (stratum, str(place)):
             return str(row.get("code"))
     raise UserError(
-        f"{path} has no place {place}{_of(stratum)}.", "Name the list of this study, whole."
+        f"{path} has no place {place}{_of(stratum)}.", "Name this study's complete list."
     )
 
 
@@ -178,7 +178,7 @@ class Allocations:
         """Draw a list: commitments into the study, the list into the third person's file."""
         file = self.protocol.file
         if not file.groups:
-            raise UserError("The protocol has no groups: nothing is to allocate.", "Add [groups].")
+            raise UserError("The protocol has no groups to allocate.", "Add [groups].")
         if not by or by in {e.by for e in self.trail if e.kind not in ("created", "allocate")}:
             fix = "Give --operator with the name of somebody who neither enrols nor runs sessions."
             raise UserError(f"The list is made by a third person, not by {by or 'nobody'}.", fix)
@@ -228,7 +228,7 @@ class Allocations:
 
     def must_not_have_made(self, by: str) -> None:
         if by and by in {e.by for e in self.lists}:
-            fix = "Somebody else enrols people and runs the sessions."
+            fix = "Let somebody else enrol people and run the sessions."
             raise UserError(f"{by} made the list of allocations.", fix)
 
     def disclose(self, code: str, opening: str, by: str, blinded: bool) -> dict[str, Any]:

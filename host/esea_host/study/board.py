@@ -231,7 +231,7 @@ class BoardSource(InputSource):
                 if receiver.error is not None:
                     raise
             if receiver.error is not None or time.monotonic() > until_s or self.ask():
-                raise UserError("The link to the board is broken.", "Look at cable and power.")
+                raise UserError("The link to the board is broken.", "Check cable and power.")
             self.waits(keyed("advice.link_broken"))
             time.sleep(0.05)
 
@@ -249,7 +249,7 @@ class BoardSource(InputSource):
         deadline_s, why = self.now_s() + READY_S, ""
         while (state := self._state_now()) not in WORKING or self.device.state() not in WORKING:
             if state in HALTED:
-                raise UserError(self._trouble(state), "See to it, then go on with study resume.")
+                raise UserError(self._trouble(state), "Correct the cause, then continue.")
             if state == "UNREFERENCED":
                 self.device.zero()
                 self.middle_rad = math.nan
@@ -298,7 +298,7 @@ class BoardSource(InputSource):
             # A board that is moved by hand is silent by its own clock, however busy the machine is.
             if tries < 0 if self.advance else time.monotonic() > until_s:
                 raise UserError(
-                    f"Nothing came from the board for {SILENT_S:g} s.", "Look at cable and power."
+                    f"Nothing came from the board for {SILENT_S:g} s.", "Check cable and power."
                 )
 
     def _pass(self, seconds: float) -> None:
@@ -350,14 +350,14 @@ class BoardSource(InputSource):
         begun_ns, wanted = self.board_ns, self._asked[CONSTRAINED]
         if not self._armed:
             raise UserError(
-                f"The board is {self.device.state()}: the motor is off, and holds no condition.",
-                "Arm it, or have it armed: --arm.",
+                f"The board is {self.device.state()}: the motor is off, so no condition acts.",
+                "Arm it, or add --arm.",
             )
         while waiting := [a for a, tap in self._acts.items() if self._rows.value(tap) != wanted]:
             passed_s = (self.board_ns - begun_ns) * 1e-9
             axes = " and ".join(waiting)
             if passed_s > SWITCH_S:
-                what = f"has not changed over within {SWITCH_S:g} s"  # which way: not to a blinded
+                what = f"has not switched within {SWITCH_S:g} s"  # which way: not to a blinded
                 fix = "Let the joint rest, outside the wall, and repeat the trial."
                 raise UserError(f"The impairment of {axes} {what}.", fix)
             if passed_s > SETTLE_S:
@@ -391,7 +391,7 @@ class BoardSource(InputSource):
         wanted = self._none | self._asked | self.signals.wanted(requests)
         self._state = state = self.device.state()
         if state in HALTED:
-            raise UserError(self._trouble(state) + ".", "See to it, then go on with study resume.")
+            raise UserError(self._trouble(state) + ".", "Correct the cause, then continue.")
         if self._armed and state not in WORKING:
             raise UserError(
                 f"The board is {state}: the motor has been switched off.", "Arm it again."
@@ -407,14 +407,14 @@ class BoardSource(InputSource):
             if self.device.receiver.reconnects != self._reconnects:
                 raise LinkError("the link broke for a while")
             if self._rows.began_again:
-                raise UserError("The board's clock began again.", "")
+                raise UserError("The board's clock restarted.", "")
             if self._held is not None:
                 for axis, tap in self._acts.items():
                     if self._rows.differ(tap, self._held):
                         raise UserError(
                             f"The impairment of {axis or 'the joint'} did not stay "
                             f"{'on' if self._held else 'off'}.",
-                            "Look at the board's limits, and repeat the trial.",
+                            "Check the board's limits, and repeat the trial.",
                         )
         except (LinkError, UserError) as error:
             self._lost(error)
@@ -422,12 +422,12 @@ class BoardSource(InputSource):
 
     def _lost(self, error: Exception) -> None:
         # Why, as far as it can be told: who has no power says nothing.
-        what, fix = str(error), "Look at cable and power."
+        what, fix = str(error), "Check cable and power."
         state = self.device.state()
         if self.device.receiver.away:
             what = f"The link to the board broke. {what}"
         elif self._rows.began_again or (self._armed and state == "UNREFERENCED"):
-            what = "The board began again, healthy and not armed: it lost its power, or was zeroed."
+            what = "The board restarted without a fault, not armed: it lost power or was zeroed."
         elif not isinstance(error, LinkError):
             fix = ""
         if what.endswith(fix):  # the error says it itself

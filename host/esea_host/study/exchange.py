@@ -278,7 +278,7 @@ def _bids(study: StudyFolder, out: Path, labels: bool) -> int:
     }
     _json(out / "dataset_description.json", about)
     whose = f"{NOBODY}\n" if simulated else ""
-    words = f"{file.title}.\n{whose}Each run is one trial; scans.tsv has what came of it.\n"
+    words = f"{file.title}.\n{whose}Each run is one trial; scans.tsv has its outcome.\n"
     (out / "README").write_text(words, encoding="utf-8", newline="\n")
     return runs
 

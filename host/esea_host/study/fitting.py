@@ -75,7 +75,7 @@ class DeviceSignals:
             raise UserError(
                 f"The task asks {self.device.name} for {', '.join(unknown)}; it takes "
                 f"{', '.join(takes) or 'nothing'}.",
-                "Run it with the device that it is for.",
+                "Run it with its own device.",
             )
         return found
 
@@ -97,7 +97,7 @@ class DeviceSignals:
                 found.append(f"{name} is {signal.quantity} of {whose}, and {axes}")
             elif self.tap(signal, name) is None:
                 column = of_axis(signal.quantity, self._axis(signal))
-                found.append(f"{name} is {column}, which {here} does not tell")
+                found.append(f"{name} is {column}, which {here} does not report")
         for request, value in conditions.items():
             if value and self._wanted_name(request) is None:
                 has = f", and {here} has no [{request}]" if request == IMPAIRMENT else ""

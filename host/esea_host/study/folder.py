@@ -36,7 +36,7 @@ LONGEST_NAME = 100
 REHEARSED = 0  # a rehearsal has the orders of the first place, whoever it is for
 CODE = re.compile(r"^[A-Z]{1,3}[0-9]{2,4}$")
 EVENTS, PROTOCOL, TASKS, TEXTS = "events.jsonl", "protocol.toml", "tasks", "texts"
-NOT_CREATED = "the entry 'created', its first, is not what was written"
+NOT_CREATED = "its first entry, 'created', was changed"
 WAIT_S = 30.0  # so long at most for another process to write its entry
 
 
@@ -209,11 +209,11 @@ class StudyFolder:
         log, wrong = read_log(path).sound(path), ""
         state = state_of(log, path)
         if code not in self._with("enrol"):
-            wrong = f"nobody with the code {code} is enrolled"
+            wrong = f"no participant with the code {code} is enrolled"
         elif (state.participant, state.plan.session, state.rehearsal) != (code, session, False):
             wrong = "the log of another session"
         elif self.ends().get((code, session), set()) - {e.hash for e in log.entries}:
-            wrong = "not what it was when it ended"
+            wrong = "changed since it ended"
         if wrong:
             fix = "Restore the file from a copy; what is lost: esea-host study repair FOLDER."
             raise UserError(f"{path}: {wrong}.", fix)
@@ -247,7 +247,7 @@ class StudyFolder:
         for code in codes:
             check_code(code)
             if not consent:
-                fix = "Without written consent nothing starts: --consent."
+                fix = "Obtain written consent, then add --consent."
                 raise UserError(f"{code} has not consented.", fix)
         self.must_know_operator()
         if not self.simulated and not form.strip():
@@ -275,7 +275,7 @@ class StudyFolder:
         if index is None or code in self._with("delete"):
             raise UserError(f"{code} is not in this study.", "Enrol the participant first.")
         if code in self._with("withdraw"):
-            raise UserError(f"{code} has withdrawn.", "Nothing more is done with this participant.")
+            raise UserError(f"{code} has withdrawn.", "Choose another participant.")
         return index
 
     def log_of(self, code: str, session: int) -> Path:
@@ -346,7 +346,7 @@ class StudyFolder:
             for earlier in range(number):
                 path = self.log_of(code, earlier)
                 if not self.begun(code, earlier) or self.read(code, earlier, path).remaining:
-                    fix = "Sessions come in their order."
+                    fix = "Run the sessions in order."
                     raise UserError(f"{code} has not done session {earlier + 1}.", fix)
             log = self.log_of(code, number)
             if self.begun(code, number):
@@ -396,7 +396,7 @@ class StudyFolder:
         study, device = ("simulated", "real")[:: 1 if self.simulated else -1]
         raise UserError(
             f"{self.path} is a {study} study, and this device is {device}.",
-            f"Name a {study} device, or try it out with --rehearsal, which uses up nothing.",
+            f"Name a {study} device, or rehearse with --rehearsal, which gives no data.",
         )
 
     def _washout(self, code: str, number: int, day: int | None, early: str) -> None:
@@ -407,10 +407,10 @@ class StudyFolder:
         last = [d["day"] for d in begun if d["session"] < number and isinstance(d["day"], int)]
         if last and day < max(last) and not early:
             what = f"{code}: this computer's date is before that of the last session."
-            raise UserError(what, "Set its clock, or say why it is so: --early.")
+            raise UserError(what, "Set its clock, or add --early REASON.")
         if last and day - max(last) < wanted and not early:
             what = f"{code}: {day - max(last)} days since the last session, {wanted:g} are planned."
-            raise UserError(what, "Come back then, or say why not: --early.")
+            raise UserError(what, "Wait until then, or add --early REASON.")
 
     def finish(self, session: StudySession) -> None:
         state = session.state
@@ -493,6 +493,6 @@ class StudyFolder:
         if left := [str(folder) for folder in folders if folder.exists()]:
             raise UserError(
                 f"{', '.join(left)}: not everything could be deleted.",
-                "Look at its rights, and at programs that use it; then delete it again.",
+                "Check its permissions and the programs that use it; then delete again.",
             )
         return len(files)

@@ -153,7 +153,7 @@ def findings(
             found.append(f"column {column}: about the person; {alone} values occur in one only")
     count = len({w for values in holders.values() for ws in values.values() for w in ws})
     if count < FEW:
-        found.append(f"{count} participants: who knows that somebody took part may recognise them")
+        found.append(f"{count} participants: those who know who took part may recognise them")
     return list(dict.fromkeys(found))
 
 

@@ -107,7 +107,7 @@ class BoardInputs:
     def __call__(self, attempt: int, task: StudyTask, time_s: float) -> Inputs:
         found, begun_ns, middle = self._of[attempt]
         if self._files[attempt] not in self._there:
-            fix = "Put the recording of that session back beside its log."
+            fix = "Restore that session's recording beside its log."
             raise UserError(f"{self._files[attempt] or 'The recording'} is not there.", fix)
         if found is None:
             self.lacking += 1

@@ -60,7 +60,7 @@ def check_record(kind: str, data: Mapping[str, Any]) -> None:
         n for n in RECORDS.get(kind, {}) if isinstance(x := data.get(n), str) and not x.strip()
     ]
     if wrong := lack(kind, data) or (f"{kind} has an empty {', '.join(empty)}" if empty else ""):
-        raise UserError(f"Not recorded: {wrong}.", "Give it.")
+        raise UserError(f"Not recorded: {wrong}.", "Add it.")
 
 
 @cache

@@ -40,14 +40,14 @@ def repair(study: StudyFolder) -> list[str]:
             hashes = {e.hash for e in session.found.entries}
             if not session.moved_aside and study.ends().get((code, number), set()) - hashes:
                 trail.append(None, "repair", {"log": name, "kept": len(hashes)} | who)
-                said.append(f"{name}: its end is lost; the session goes on from what is left")
+                said.append(f"{name}: its end is lost; the session continues from what remains")
             if session.moved_aside and not session.found.entries:
                 log.unlink()  # the session begins anew
         for code, number in study.missing():
             name = study.log_of(code, number).relative_to(study.path).as_posix()
             who = {"participant": code, "session": number}
             trail.append(None, "repair", {"log": name, "kept": 0} | who)
-            said.append(f"{name}: it is lost; the session begins anew")
+            said.append(f"{name}: it is lost; the session starts again")
     return said
 
 

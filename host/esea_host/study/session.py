@@ -308,7 +308,7 @@ class StudySession:
 
     def skip(self, number: int, reason: str) -> None:
         if not reason:
-            raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give one.")
+            raise UserError(f"Trial {number} cannot be skipped without a reason.", "Give --reason.")
         self._reread()
         if self.state.states.get(number) in (None, COMPLETED):
             raise UserError(f"Trial {number} is done or does not exist.", "Name a later one.")
@@ -318,10 +318,10 @@ class StudySession:
     def repeat(self, number: int, reason: str) -> None:
         """Repeat a trial: its earlier data no longer counts, and stays on record."""
         if not reason:
-            raise UserError(f"Trial {number} is not repeated without a reason.", "Give one.")
+            raise UserError(f"Trial {number} is not repeated without a reason.", "Give --reason.")
         self._reread()
         if self.state.states.get(number) in (None, PENDING):
-            raise UserError(f"Trial {number} has not been run.", "Name one that has.")
+            raise UserError(f"Trial {number} has not been run.", "Name one that was run.")
         self.say("repeat", trial=number, reason=reason)
         self._reread()
 

@@ -109,7 +109,7 @@ class AssessWindow(frame.StopWindow):
         tabs = QTabWidget()
         tabs.setAccessibleName("Views")
         tabs.addTab(self.panel, "At the board")
-        tabs.addTab(history, "How it came to that")
+        tabs.addTab(history, "Probability history")
         return tabs
 
     def _actions(self) -> None:
@@ -176,7 +176,7 @@ class AssessWindow(frame.StopWindow):
         self._began_s = time.monotonic()
 
     def undo(self) -> None:
-        self._step(lambda: "" if self.desk.undo() else "Nothing to take back.")
+        self._step(lambda: "" if self.desk.undo() else "There is nothing to take back.")
 
     def limit(self, low_deg: float, high_deg: float, fastest_deg_s: float) -> None:
         def job() -> None:

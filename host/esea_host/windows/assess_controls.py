@@ -45,7 +45,7 @@ class ClinicControls(QWidget):
         self.setLayout(column)
 
     def _seen(self, move: Job, undo: Job) -> QGroupBox:
-        box, grid = _titled("This movement: what was seen")
+        box, grid = _titled("Result of this movement")
         desk, step = self._desk, self._step
         if desk.patient is not None:
             self.move_button = push_button("Move the simulated leg  (Ctrl+M)", move)
@@ -234,7 +234,7 @@ class InformationMap(_Plot):
 
     def __init__(self, grid: LocationGrid) -> None:
         labels = "bending of the knee [°]", "speed [°/s], + bending"
-        super().__init__("Which movement would tell most", *labels, (90, 90, 0, 0))
+        super().__init__("Most informative movement", *labels, (90, 90, 0, 0))
         self._grid = grid
         self.image = pg.ImageItem()
         self.item.addItem(self.image)
@@ -311,7 +311,7 @@ class MovementLoop(_Plot):
 
 class ProbabilityBars(_Plot):
     def __init__(self, names: list[str]) -> None:
-        super().__init__("What is known now", "probability [%]", "")
+        super().__init__("Probabilities now", "probability [%]", "")
         self._names = names
         self._bars = pg.BarGraphItem(x0=0, y=[0], height=0.7, width=[0])
         self.item.addItem(self._bars)
@@ -337,7 +337,7 @@ class ProbabilityBars(_Plot):
 
 class HistoryPlot(_Plot):
     def __init__(self, names: list[str]) -> None:
-        super().__init__("How it came to that", "step", "probability [%]")
+        super().__init__("Probability history", "step", "probability [%]")
         self._names = names
         self._lines = [self.item.plot(symbol=m) for m in MARKS]
         self.item.setYRange(0, 100, padding=0.04)

@@ -220,7 +220,7 @@ class CommissioningWindow(frame.StopWindow):
 
     def _next(self) -> str:
         if self.ready_button.isEnabled():
-            return "Next: do what is asked below, then Done."
+            return "Next: follow the steps below, then Done."
         if self.busy:
             return f"{self.step.title} runs; STOP ends it."
         return f"Next: Start {self.step.title}." if self.start_button.isEnabled() else ""

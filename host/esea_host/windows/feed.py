@@ -155,7 +155,7 @@ class LiveFeed:
         if not receiver.away:
             since = time.strftime("%H:%M:%S", time.localtime(time.time() - seconds))
             text = f"Nothing came from the board since {since} ({seconds:.0f} s)"
-            next_step = "The link is open. What is shown is old."
+            next_step = "The link is open, but the values shown are old."
             if receiver.reconnects != self._back:
                 text, next_step = "The link is back", "Waiting for the board's heartbeat."
         if receiver.error is not None:
@@ -175,7 +175,7 @@ class LiveFeed:
         while not self._jobs.empty():
             what, job, breaks = self._jobs.get()
             if breaks != self.device.receiver.breaks:
-                self.news.said = f"{what}: not sent, for the link broke meanwhile. Ask again."
+                self.news.said = f"{what}: not sent, as the link broke. Try again."
                 continue
             try:
                 answer = job()

@@ -167,7 +167,7 @@ class LiveWindow(StopWindow):
 
     def _actions(self) -> None:
         look: list[tuple[str, str, Job]] = [
-            ("Pause, go on", "P", self.pause),
+            ("Pause, continue", "P", self.pause),
             ("Shorter time", "+", partial(self.zoom, -1)),
             ("Longer time", "-", partial(self.zoom, 1)),
             ("Cursors", "C", self.toggle_cursors),

@@ -320,7 +320,7 @@ class WristWindow(StopWindow):
         if acts == self.keeper.wanted:
             return "Constraint confirmed: " + ("acts on both axes" if acts else "off")
         why = "" if self.feed.news.state in WORKING else " (arm the motors first)"
-        return f"Constraint {'asked for' if self.keeper.wanted else 'is to end'}, not yet{why}"
+        return f"Constraint {'requested' if self.keeper.wanted else 'ending'}, not confirmed{why}"
 
     def _note(self) -> str:
         guide, used = self.display.guide, self.display.calibration

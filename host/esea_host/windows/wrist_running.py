@@ -124,7 +124,7 @@ def film_wrist(
 ) -> None:
     """Run a simulated board as fast as it can: calibrate unless done, constrain, draw."""
     if record is not None and record.exists():
-        raise UserError(f"{record} is there already.", "Give another name.")
+        raise UserError(f"{record} already exists.", "Give another name.")
     qt_application()
     filmed = FilmedWrist(name, save_to, calibration, dark)
     display, keeper = filmed.display, filmed.keeper

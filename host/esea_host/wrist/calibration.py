@@ -109,7 +109,7 @@ class Calibrated:
         if axis not in self.ends or not self.ends[axis][0] < self.ends[axis][1]:
             raise UserError(
                 f"The range of {axis} has not been measured both ways.",
-                "Put wrist.range for both ways of it before this trial.",
+                "Put wrist.range in both directions before this trial.",
             )
         return self.ends[axis]
 

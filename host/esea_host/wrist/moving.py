@@ -215,7 +215,7 @@ def target_distance_deg(smallest_deg: float) -> float:
         f"{100 * LARGER_SHARE:.0f} % of it would appear within {WITHIN_DEG:g} deg of the origin, "
         "caught before anything moves.",
         f"More than {WITHIN_DEG / LARGER_SHARE:g} deg are needed: measure again with another "
-        "neutral position; who cannot reach that cannot do this task.",
+        "neutral position; a person who cannot reach that cannot do this task.",
     )
 
 

@@ -197,7 +197,7 @@ def check_nodes(name: str, speeds: NodeSpeeds) -> None:
         if speed is None:
             raise UserError(
                 f"The {name} calibration never crossed the node at {node:.1f} deg.",
-                "Repeat the movements, as far as the range that was measured.",
+                "Repeat the movements over the full measured range.",
             )
         if not speed > 0:
             raise UserError(
@@ -211,7 +211,7 @@ def _check_range(healthy: NodeSpeeds, constrained: NodeSpeeds) -> None:
         raise UserError(
             f"The constrained range, {constrained.width_deg:.1f} deg, is larger than the healthy "
             f"one, {healthy.width_deg:.1f} deg.",
-            "Measure both ranges again; were the two states mixed up?",
+            "Measure both ranges again, each in its own state.",
         )
 
 
@@ -228,7 +228,7 @@ def _check_fold(found: CursorMap) -> None:
         if values[least] <= 0 or points > 500_000:
             raise UserError(
                 f"The scaling factor is {values[least]:.3g} at {theta[least]:.1f} deg: the cursor "
-                "would go back while the wrist goes on.",
+                "would reverse while the wrist moves on.",
                 "Repeat the calibration there; without the linear term (w = 0) it may be positive.",
             )
         points = 4 * points - 3

@@ -56,7 +56,7 @@ def reaches(table: Table) -> tuple[tuple[ScreenReach, ...], tuple[str, ...]]:
     x, y, target_x, target_y, inside = (np.asarray(table[c], np.float64) for c in COLUMNS)
     new = np.flatnonzero((np.diff(target_x) != 0) | (np.diff(target_y) != 0)) + 1
     if not len(new):
-        raise UserError("Not one target changes in it.", "It has to hold a reach at least.")
+        raise UserError("No target changes in it.", "Record at least one reach.")
     found, left_out = [], []
     for first, last in zip(new, [*new[1:], len(x)], strict=True):
         part = slice(int(first), int(last))
