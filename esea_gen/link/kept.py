@@ -89,7 +89,7 @@ def name_encoders(session: Session, serials: Sequence[int]) -> KeptUse:
     dialect = session.dialect
     filled = [*serials, *[0] * (_ROOM - len(serials))]
     if len(filled) > _ROOM or any(not 0 <= s < 1 << 32 for s in filled):
-        raise LinkError(f"{list(serials)} are not serial numbers", "Give up to 4, below 2^32.")
+        raise LinkError(f"{list(serials)} are not serial numbers", "Give 4 or fewer, below 2^32.")
     zeros = [0.0] * _ROOM
     session.send(session.message("ESEA_KEPT", filled, zeros, *[0] * (len(COUNTERS) + 3)))
     answer = session.wait_for("ESEA_KEPT")

@@ -188,9 +188,9 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
     [
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
         (["--points", 1], ["--points", "equal to 2"]),
-        (["--push", 0], ["push of 0 rad/s", "up to 0.6"]),
+        (["--push", 0], ["push is 0 rad/s", "at most 0.6"]),
         (["--wall", -1], ["--wall", "equal to 0"]),
-        (["--push", 5], ["push of 5 rad/s", "range of motion"]),
+        (["--push", 5], ["push is 5 rad/s", "range of motion"]),
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),
         (["--jobs", 0, "--no-sliding", "--points", 2], ["--jobs 0", "-1"]),
     ],

@@ -162,7 +162,7 @@ def test_what_no_mass_can_tell_is_refused():
     good = means_of(16.0, 0.0, LOAD.torque_Nm)
     with pytest.raises(UserError, match="one way and the other"):
         judge(ELBOW, "spring", LOAD, [abs(x) for x in good])
-    with pytest.raises(UserError, match="stiffness comes out to"):
+    with pytest.raises(UserError, match="stiffness is uncertain by"):
         judge(ELBOW, "spring", KnownLoad(0.5, 0.2, u_arm_m=0.01), good)
     with pytest.raises(UserError, match="Hang a lighter mass"):
         judge(ELBOW, "spring", KnownLoad(8.0, 0.2), means_of(100.0, 0.0, 15.7))

@@ -289,7 +289,7 @@ def study_interaction(
     if not 0 < abs(push_rad_s) <= MOST_PUSH_RAD_S:
         raise UserError(
             f"The push is {push_rad_s:g} rad/s.",
-            f"Give up to {MOST_PUSH_RAD_S:g} rad/s, up or down but not 0: a faster hand would "
+            f"Give at most {MOST_PUSH_RAD_S:g} rad/s, up or down, not 0: a faster hand would "
             "leave the range of motion.",
         )
     device = controller_device(controller)
