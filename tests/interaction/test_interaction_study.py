@@ -238,7 +238,7 @@ def test_more_than_the_law_knows_is_refused(gcc):
     rig = ElementRig("spring", FREE)
     for _ in range(5):
         rig.advance((8.0, 0.5, 0.3, 0.3, 9.0))
-    with pytest.raises(UserError, match=r"its law goes to 20\.1 deg"):
+    with pytest.raises(UserError, match=r"its law ends at 20\.1 deg"):
         _ = [rig.advance((20.0, 0.5, 0.6, 0.6, 9.0)) for _ in range(100)]
 
 

@@ -220,7 +220,7 @@ def other_device() -> str:
         (lambda: "rig.csv", "rig.csv: cannot be read as JSON"),
         (
             lambda: change("rig.json", schema="friction"),
-            "has a result of 'friction'; expected: identify",
+            "holds a result of 'friction'; expected: identify",
         ),
         (lambda: shutil.copy("rig.json", "b.json") + " rig.json", "is a result of 'identify' too"),
         (lambda: change("rig.json", schema_version=99), "has schema version 99"),

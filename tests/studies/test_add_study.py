@@ -232,5 +232,5 @@ def test_a_study_without_its_method_is_told(tmp_path):
     path = tmp_path / "bare.py"
     head = "from esea_gen.studies.simulation import ClosedLoopStudy\n"
     path.write_text(f'{head}class Bare(ClosedLoopStudy):\n    """Bare."""\n    name = "bare"\n')
-    with pytest.raises(UserError, match=r"study bare: has no method cases\. Write it"):
+    with pytest.raises(UserError, match=r"study bare: has no method cases\. Add it"):
         load_study(f"{path}:bare", ClosedLoopStudy).cases()
