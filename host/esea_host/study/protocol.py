@@ -247,7 +247,7 @@ def _check_block(protocol: Protocol, place: tuple[int, int], block: TrialBlock) 
     task = task_named(block.task, protocol.line(*loc, "task"))
     rows = (*block.first, *block.trials, *block.last)
     if not rows:
-        raise UserError(f"{protocol.line(*loc, 'name')}: block {block.name} has no trials.", "Add.")
+        raise UserError(f"{protocol.line(*loc, 'name')}: {block.name} has no trials.", "Add one.")
     if block.condition == GROUP and not file.groups:
         raise UserError(
             f"{protocol.line(*loc, 'condition')}: there are no groups.", "Add [groups]."

@@ -156,7 +156,7 @@ class StudySession:
             if self.state.plan.digest() != plan.digest():
                 raise UserError(
                     f"{path}: the session was begun with another protocol or version of a task.",
-                    "Go on with the protocol that it was begun with: it is kept in the study.",
+                    "Restore the study's files that esea-host study audit names as changed.",
                 )
             if source is not None and source.simulated != self.state.simulated:
                 was, now = ("simulated", "real")[:: 1 if self.state.simulated else -1]
