@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import codecs
 import errno
 import os
@@ -151,6 +152,15 @@ def uninterrupted() -> Iterator[None]:
             signal.signal(number, handler)
         if came:
             signal.raise_signal(came[0])
+
+
+def signal_again(number: int) -> None:
+    """Send this program a signal a moment later."""
+    if sys.platform == "win32":
+        threading.Timer(0.005, _thread.interrupt_main, [number]).start()
+    else:  # what waits in the main thread is woken
+        main = threading.main_thread().ident
+        threading.Timer(0.005, signal.pthread_kill, [main, number]).start()
 
 
 def processors() -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import errno
 import os
 import shlex
@@ -22,7 +21,7 @@ from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.received import shown_lines
-from esea_gen.portability import ENDING_SIGNALS, output_closed
+from esea_gen.portability import ENDING_SIGNALS, output_closed, signal_again
 from esea_gen.python_file import MODULE
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
@@ -222,12 +221,17 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     # Signals, threads and warnings speak through the boundary while it is there.
     # gives: the signals that ended it.
     _have_streams()
-    ended_by: list[int] = []
+    ended_by, tries = list[int](), iter(range(200))
 
     def end(number: int, frame: Any) -> None:
+        if _dropped(frame) and next(tries, None) is not None:
+            signal_again(number)
+            return
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         ended_by.append(number)
         own = signal.getsignal(signal.SIGINT)
-        if callable(own) and own is not signal.default_int_handler:
+        if callable(own) and own is not end:
             own(signal.SIGINT, frame)  # a window closes itself
             return
         raise Terminated
@@ -239,7 +243,7 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     def unraisable(given: Any) -> None:
         # While something is cleaned away: the command has its result, or its own error.
         if isinstance(given.exc_value, KeyboardInterrupt):
-            _thread.interrupt_main()  # it came at a moment when Python drops it: once more
+            signal_again(signal.SIGINT)  # it came at a moment when Python drops it
         elif Shown.verbose:
             _told(program, given.exc_value)
 
@@ -253,8 +257,8 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     warnings.showwarning = note
     handlers = {}
     if threading.current_thread() is threading.main_thread():
-        for number in ENDING_SIGNALS:
-            if signal.getsignal(number) is signal.SIG_DFL:
+        for number in (signal.SIGINT, *ENDING_SIGNALS):
+            if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 handlers[number] = signal.signal(number, end)
     try:
         yield ended_by
@@ -262,6 +266,16 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
         for number, handler in handlers.items():
             signal.signal(number, handler)
         threading.excepthook, sys.unraisablehook, sys.excepthook, warnings.showwarning = before
+
+
+def _dropped(frame: Any) -> bool:
+    # CasADi drops an exception that comes while it converts what it is given, as Python does in
+    # the hook for those that it has dropped.
+    while frame is not None and frame.f_globals.get("__name__") != "casadi.casadi":
+        if frame.f_code.co_name == "unraisable":
+            break
+        frame = frame.f_back
+    return frame is not None
 
 
 def _have_streams() -> None:

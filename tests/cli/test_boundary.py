@@ -12,11 +12,14 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 import tomllib
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import get_type_hints
 
+import casadi
 import pytest
 import serial
 import typer
@@ -90,6 +93,29 @@ def test_every_kind_of_error_is_one_message(command, monkeypatch, program, tmp_p
     assert kept.name in said
     assert kept.read_text().startswith(program)
     assert "KeyError: 'x'" in kept.read_text()
+
+
+class Interrupting:
+    """Ctrl+C while CasADi converts it, or while Python deletes it: both drop an exception."""
+
+    def __SX__(self):
+        signal.raise_signal(signal.SIGINT)
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("drops", [casadi.SX, lambda _: None])
+def test_ctrl_c_is_never_dropped(command, monkeypatch, drops):
+    def interrupted(*_, **__):
+        with suppress(NotImplementedError):
+            drops(Interrupting())
+        time.sleep(30)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(FIRST[0], interrupted)
+    assert command("esea-gen", "schema")[0] == 130
+    signal.signal(signal.SIGINT, before)
 
 
 def process(program: str, *words: object, **more) -> subprocess.Popen:
