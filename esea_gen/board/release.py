@@ -20,7 +20,7 @@ from esea_gen.targets import BARE_LINK, BOARDS, EXACT_FLAGS, SECTION_FLAGS, Boar
 
 # Of the processor's time, what firmware and interrupts beside the tasks may take.
 MOST_LOAD = 0.9
-# Lighter than predictive control, by their errors (docs/control.md); the last one is the lightest.
+# Lighter than predictive control, by their errors (docs/laws-compared.md); the last is lightest.
 LIGHTER = ("cascade", "smc")
 CHECKSUM = "coefficients_checksum"
 

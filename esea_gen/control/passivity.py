@@ -49,7 +49,7 @@ FULL = 30.0  # times energy_J: what given_J can hold; the command is closed long
 # V = E + J omega_m^2/2 + Omega n (T v + h kappa m) is held below E_m: E given beyond the wanted
 # torque, v the most the motor may give behind its lag, m the most that the rate limit may have left
 # of a command, T the lag and the delay of the speed's filter.  In a sample that is not good E grows
-# by the most the motor can have worked.  Proven in docs/stability.md.
+# by the most the motor can have worked.  Proven in docs/energy-bound.md.
 def passivity(device: DeviceData) -> Block:
     """Damping that the error of a law lacks, and a bound of the energy that the drive gives."""
     return Block.of(_Passivity(device))

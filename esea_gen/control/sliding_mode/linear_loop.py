@@ -24,7 +24,7 @@ from esea_gen.observe import drive_of
 Array = npt.NDArray[np.float64]
 
 LEAST_DAMPING = 0.02
-# Above, the loop swings with the shipped motor's lag (docs/control.md), and a slope near the
+# Above, the loop swings with the shipped motor's lag (docs/sliding-mode.md), and a slope near the
 # control rate is not followed at all.
 LAMBDA_LOW_1_S, LAMBDA_HIGH_1_S, LAMBDA_SHARE = 1.0, 25.0, 0.125
 SLOW_HZ = 0.5
