@@ -114,7 +114,7 @@ WHOLE |= {"request_ok", "sensing_ok", "clock_ok", "coeffs_ok"}
 
 
 class PlainLimits:
-    """What docs/limits.md says, tick by tick, in plain floats; ``unsure`` collects near ties."""
+    """The checks of docs/limit-checks.md, in plain floats; ``unsure`` collects near ties."""
 
     def __init__(self, numbers: Numbers, tie: float) -> None:
         self.n, self.tie = numbers, tie

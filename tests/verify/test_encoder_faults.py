@@ -155,7 +155,7 @@ def test_what_a_fault_does_is_within_the_pages_table():
 
 def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
     require_tool("gcc")
-    rows = page_rows("limb-safety.md", "stops")
+    rows = page_rows("stop-results.md", "stops")
     cells = {r: " / ".join(list(row.values())[1:]).split(" / ") for r, row in rows.items()}
     assert list(rows) == sorted(rows, key=lambda r: -max(map(float, cells[r])))
     peaks = []

@@ -1,7 +1,7 @@
 """Limits: the last Block before the motor, and the stamp that shows that control is alive.
 
-Semantics and detection bounds are in ``docs/limits.md``.  A command is clipped, faded out towards
-the ends of the range of motion and towards the largest speed, and rate-limited; any cause of
+Explained in ``docs/limits.md``; bounds are in ``docs/limit-checks.md``.  A command is clipped,
+faded out towards the ends of the range and the largest speed, and rate-limited; any cause of
 :class:`Fault` puts it to zero in the same step and latches; the latch opens only at ``mode`` 0,
 with a new ``rearm``, the cause gone and the controller's own command at zero.
 
