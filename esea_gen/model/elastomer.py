@@ -1,7 +1,7 @@
 """Elastomer torque model: deflection in, interaction torque out (thesis chapter 3).
 
-Spring and viscosity are SymPy expressions, printed in reports and carried across to CasADi.  Ours,
-with the evidence in ``docs/sensor.md``: stop operators in play form, F(k) = clip(F(k-1), theta(k) -
+Spring and viscosity are SymPy expressions, printed in reports and carried across to CasADi.  Ours
+(evidence: ``docs/sensor-errors.md``): stop operators in play form, F(k) = clip(F(k-1), theta(k) -
 r, theta(k) + r) with E = theta - F, in which nothing is summed; and a Maxwell element whose
 exponential step has exp(x) to third order: exact at rest, positive and monotone for every x >= 0.
 

@@ -108,7 +108,7 @@ def sensing_system(
     outputs = {n: f"sensor.{n}" for n in ports} | {"omega_rad_s": "velocity.omega_rad_s"}
     outputs |= {f"{n}_status": f"{n}.status" for n in ("sensor", "velocity")}
     # Not where a loop closes over the torque: it gains nothing, and limp hands were driven into a
-    # swing by the filter within a count (docs/sensor.md).
+    # swing by the filter within a count (docs/deflection-smoothing.md).
     if counts and device.file.joint is None:
         smoothing = smoothed_deflection(device)
         blocks = {"velocity": velocity, "smoothing": smoothing, "sensor": sensor}

@@ -1,4 +1,4 @@
-"""The velocity observer against filtered differences, for docs/velocity.md.
+"""The velocity observer against filtered differences, for docs/velocity-errors.md.
 
 python -m tests.benchmarks.velocity --json FILE
 """

@@ -190,7 +190,7 @@ def test_the_largest_slope_is_never_passed(rig):
 
 
 def test_a_recorded_member_becomes_a_device_file(hdrb, tmp_path):
-    """Its C as built gives the errors that the comparison prints (torque-models.md: 1.36 %)."""
+    """Its C as built gives the errors that the comparison prints (docs: 1.36 %)."""
     require_tool("gcc")
     path = hdrb.write(tmp_path)
     device = load_device(path)

@@ -1,4 +1,4 @@
-"""The drive's disturbance and the cable's gap typed a second time, from docs/observers.md."""
+"""The drive's disturbance and the cable's gap typed again: docs/observers.md, docs/cable.md."""
 
 from __future__ import annotations
 

@@ -117,5 +117,5 @@ def test_real_encoders_decide_the_default(tables, elbow):
         assert rms[ours][bits] < 0.9 * rms["difference, 60 Hz second-order low-pass"][bits]
     observers = {s: r["14"] for s, r in rms.items() if s.startswith("observer")}
     assert min(observers, key=observers.__getitem__) == ours
-    # The numbers of docs/sensor.md.
+    # The numbers of docs/sensor-errors.md.
     assert rms[ours] == pytest.approx({"14": 0.178, "12": 0.710}, rel=0.01)
