@@ -66,7 +66,7 @@ fuzz: setup
 test-ci: setup
 	@$(BIN)/python -m pytest -n 2 --dist loadfile -m "ci and not slow or slow_sample"
 
-# Other systems, as far as this one can stand in for them: docs/install.md.
+# Other systems, as far as this one can stand in for them: docs/platforms.md.
 test-platforms: setup
 	@$(BIN)/python -m pytest -n 2 --dist loadfile -m platforms
 

@@ -167,7 +167,7 @@ def package_files() -> dict[Path, int]:
 
 def test_the_c_on_the_page_compiles_and_runs(tmp_path):
     gcc = require_tool("gcc")
-    page = (DOCS / "c-interface.md").read_text(encoding="utf-8")
+    page = (DOCS / "call-the-c.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"```c\n(.*?)```", page, re.DOTALL)
     (tmp_path / "use.c").write_text(program)
     folder = ROOT / "generated" / "elbow" / "f32"

@@ -1,6 +1,6 @@
 """Both commands without the calls that Windows lacks, on its code page, in deep folders.
 
-What this cannot show is listed on the page docs/install.md.
+What this cannot show is listed on the page docs/platforms.md.
 """
 
 from __future__ import annotations
