@@ -526,7 +526,7 @@ def test_a_simulated_board_in_a_process_of_its_own(tmp_path):
 
 
 def test_the_program_on_the_page_runs(server, tmp_path, monkeypatch, capsys):
-    page = (ROOT / "docs" / "host.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "board-program.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     exec(re.findall(r"```python\n(.*?)```", page, re.S)[-1].replace("5760", str(server)), {})
     log = esea_host.open_log("trial.mcap")

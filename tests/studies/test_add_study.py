@@ -26,13 +26,9 @@ from tests.result_schemas import held
 
 pytestmark = pytest.mark.ci
 
-PAGE = ROOT / "docs" / "experiments.md"
+PAGE = ROOT / "docs" / "add-experiment.md"
+LIST = ROOT / "docs" / "experiment-list.md"
 PACKAGE = Path(esea_gen.__file__).parent
-
-
-def section() -> str:
-    _, _, rest = PAGE.read_text(encoding="utf-8").partition("\n## Add a study\n")
-    return rest.partition("\n## ")[0]
 
 
 def sources() -> dict[Path, bytes]:
@@ -52,10 +48,11 @@ def command(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
 def test_the_page_adds_a_study_with_one_file(tmp_path):
     require_tool("gcc")
     before = sources()
-    files = re.findall(r'```python title="([^"]+)"\n(.*?)```', section(), re.S)
+    page = PAGE.read_text(encoding="utf-8")
+    files = re.findall(r'```python title="([^"]+)"\n(.*?)```', page, re.S)
     for name, text in files:
         (tmp_path / name).write_text(text, encoding="utf-8")
-    (line,) = re.findall(r"```sh\n(.*?)\n```", section(), re.S)
+    (line,) = re.findall(r"```sh\n(.*?)\n```", page, re.S)
     program, *arguments = shlex.split(line)
     assert program == "esea-gen"
     assert arguments[arguments.index("--jobs") + 1] == "2"
@@ -181,7 +178,7 @@ def test_every_study_has_what_help_shows():
     for name in studies(ClosedLoopStudy):
         assert load_study(name, ClosedLoopStudy).cases(), name
     # The page's table, too.
-    rows = re.findall(r"^\| `([\w-]+)` \| [^|]+\| (none|moves)", PAGE.read_text(), re.M)
+    rows = re.findall(r"^\| `([\w-]+)` \| [^|]+\| (none|moves)", LIST.read_text(), re.M)
     moved = {k: "moves" if s.person else "none" for k, s in studies(ClosedLoopStudy).items()}
     assert dict(rows) == moved
 
