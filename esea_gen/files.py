@@ -15,6 +15,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,11 @@ def template_folder() -> Path:
     """Folder of the Jinja templates: inside the wheel, or at the top of a checkout."""
     packaged = Path(__file__).parent / "_templates"
     return packaged if packaged.is_dir() else Path(__file__).parents[1] / "templates"
+
+
+def unused(begin: Path, end: str) -> Path:
+    """The first of ``<begin>1<end>``, ``<begin>2<end>`` ... that is not there."""
+    return next(p for k in count(1) if not os.path.lexists(p := Path(f"{begin}{k}{end}")))
 
 
 def sample_folder() -> Path:

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import unused
 from esea_gen.link.transport import LinkError
 from esea_host.assess.passive_tests import FALLING_rad_s, FALLING_rad_s2, steepest_rad_s2
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, PULL_N, shank_length_m
@@ -63,7 +64,8 @@ class KneeBoard:
         self._queue = device.subscribe([STREAM])
         self.recording = None
         if session_file is not None:
-            self.recording = device.record(_new_file(session_file))
+            stem = session_file.with_suffix("")  # that of the same name has a recording more
+            self.recording = device.record(unused(stem.with_name(f"{stem.name}-"), ".mcap"))
         device.listen([STREAM])
 
     @staticmethod
@@ -199,13 +201,6 @@ class KneeBoard:
             if self.recording.error is not None:
                 what = f"{self.recorded}: {self.recording.error}"
                 raise UserError(what, "The file keeps all earlier data.")
-
-
-def _new_file(session_file: Path) -> Path:
-    # A session of the same name has a recording more.
-    numbers = iter(range(1, 10_000))
-    stem = session_file.with_suffix("")
-    return next(p for n in numbers if not (p := stem.with_name(f"{stem.name}-{n}.mcap")).exists())
 
 
 def await_state(board: KneeBoard) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import unused
 from esea_gen.link.transport import LinkError
 from esea_host.connection import ConnectedDevice
 from esea_host.connection.decoder import TICK
@@ -184,7 +185,7 @@ class BoardSource(InputSource):
             if found["restarted"]:
                 self.middle_rad = math.nan
             if self._recording is None and self.folder is not None:
-                self._recording = self.device.record(self._new_file())
+                self._recording = self.device.record(unused(self.folder / "device-", ".mcap"))
                 found["recording"] = self._recording.recorder.path.name
             self._must_record()
             # A board that has restarted tells nothing unasked.
@@ -234,12 +235,6 @@ class BoardSource(InputSource):
                 raise UserError("The link to the board is broken.", "Check cable and power.")
             self.waits(keyed("advice.link_broken"))
             time.sleep(0.05)
-
-    def _new_file(self) -> Path:
-        # A session that goes on has a recording more.
-        assert self.folder is not None
-        numbers = iter(range(1, 10_000))
-        return next(p for n in numbers if not (p := self.folder / f"device-{n}.mcap").exists())
 
     def _arm(self) -> None:
         # Somebody who sways is not zeroed: again, until it is.

@@ -19,14 +19,13 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, partial
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from esea_gen.errors import UserError
-from esea_gen.files import locked, utc_now
+from esea_gen.files import locked, unused, utc_now
 from esea_gen.link.received import shown
 from esea_gen.portability import BINARY, sync_folder
 from esea_host.study.privacy import SEALED, key_above, sealed, unsealed
@@ -267,8 +266,7 @@ class EventLog:
 
     def _move_aside(self) -> MovedAside:
         rest = self.path.read_bytes()[self.found.sound_bytes :]
-        names = (self.path.with_suffix(f".aside-{k}.jsonl") for k in count(1))
-        aside = next(p for p in names if not p.exists())
+        aside = unused(self.path.with_suffix(".aside-"), ".jsonl")
         with aside.open("xb") as file:
             file.write(rest)
             file.flush()
