@@ -121,6 +121,8 @@ SIM = ["tcp=1", "seed=-1", "seed=\u0663", "zeroed", "zeroed=2", "seed=1&seed=2"]
 def test_an_address_that_is_none_is_refused(text):
     with pytest.raises(UserError, match=r"Write|Give|Choose"):
         parse_address(text)
+    with pytest.raises(UserError, match="is not the device knee"):
+        parse_address("sim:elbow?seed=1", "knee")
 
 
 @cache

@@ -134,7 +134,7 @@ def _chosen(names: list[str], bench: CommissioningBench) -> tuple[CommissioningS
 def _bench(
     address: str, device: str | None, key: Path | None, axis: str | None
 ) -> Iterator[CommissioningBench]:
-    place = parse_address(address)
+    place = parse_address(address, device)
     if place.kind == "file":
         raise UserError("A file cannot be commissioned.", "Give the address of a board.")
     if place.kind == "sim":

@@ -191,7 +191,7 @@ def wrist(
     ] = False,
 ) -> None:
     """Show a wrist's raw and normalised cursor, switch the constraint, calibrate."""
-    place = parse_address(address)
+    place = parse_address(address, device)
     if headless:
         if screenshot is None:
             raise UserError("--headless needs an output file.", "Give --screenshot FILE.")

@@ -40,7 +40,8 @@ def driven_by(controller: str | None, device: str) -> str:
     return f"{controller}@{device}" if controller else device
 
 
-def parse_address(text: str) -> BoardAddress:
+def parse_address(text: str, device: str | None = None) -> BoardAddress:
+    """device: the expected one, of a board that is simulated in this process."""
     file = text.removeprefix("file:")
     if file.endswith(".mcap"):
         raise UserError(
@@ -59,6 +60,9 @@ def parse_address(text: str) -> BoardAddress:
         raise UserError(f"{error.what}.", error.fix) from None
     if kind == "sim":
         simulated_options(place)
+        given = place.partition("?")[0]
+        if device not in (None, given, given.rpartition("@")[2]):
+            raise UserError(f"{text} is not the device {device}.", "Leave --device out.")
     return BoardAddress(kind, place)
 
 
