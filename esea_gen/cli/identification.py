@@ -388,6 +388,7 @@ def friction(
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
     from esea_gen.identify.drive.friction import fit_friction, read_run
     from esea_gen.report.figures import friction_picture
+    from esea_gen.tables import MARK
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out work only together.", "Give both, or neither.")
@@ -403,7 +404,8 @@ def friction(
     if loaded is not None and folder is not None:
         assert loaded.file.actuator is not None
         numbers = found.at_joint(loaded.file.actuator.gear_ratio.value)
-        source = f"{found.runs} runs at steady speeds"
+        simulated = any(r.read_as.endswith(MARK) for r in read)
+        source = f"{found.runs} runs at steady speeds{MARK * simulated}"
         updated = with_actuator(loaded, numbers, source)
         write_whole(folder / updated.origin, actuator_text(loaded, updated, []))
         out.print(f"device file: {folder / updated.origin}")
@@ -437,6 +439,6 @@ def encoder_table(
     found = fit_table(side, count, reference_rad, full, nodes)
     show(found, json_file, "encoder-table")
     if folder is not None:
-        made = with_table(loaded, found, orientation, f"recording {recording.name}")
+        made = with_table(loaded, found, orientation, f"recording {recording.name}{read.mark}")
         write_whole(folder / f"{made.name}.toml", made.toml())
         out.print(f"device file: {folder / f'{made.name}.toml'}")

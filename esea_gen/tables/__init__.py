@@ -10,6 +10,6 @@ Rows without a time are refused by ``numbers``, or left out and counted by ``tab
 """
 
 from esea_gen.tables.reader import read_table
-from esea_gen.tables.table import FileTable, TableFormat, numbered
+from esea_gen.tables.table import MARK, SIMULATED, FileTable, TableFormat, numbered
 
-__all__ = ["FileTable", "TableFormat", "numbered", "read_table"]
+__all__ = ["MARK", "SIMULATED", "FileTable", "TableFormat", "numbered", "read_table"]

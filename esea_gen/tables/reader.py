@@ -8,7 +8,7 @@ from pathlib import Path
 
 from esea_gen.errors import UserError
 from esea_gen.tables.structured import read_hdf5, read_json, read_mat, read_parquet, table_of
-from esea_gen.tables.table import FileTable, Kind, TableFormat
+from esea_gen.tables.table import SIMULATED, FileTable, Kind, TableFormat
 from esea_gen.tables.text import TextReader, decoded
 
 MOST_BYTES = 512 * 2**20
@@ -40,6 +40,7 @@ def read_table(
 ) -> FileTable:
     """Read a table completely, or refuse it with file, line, column and remedy."""
     form, name = form or TableFormat(), name or str(source)
+    optional = (*optional, SIMULATED)
     raw = _content(source, name) if raw is None else raw
     digest = hashlib.sha256(raw).hexdigest()[:16]
     found: Kind | None = next((k for start, k in MAGIC.items() if raw.startswith(start)), None)

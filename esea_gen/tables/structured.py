@@ -56,7 +56,7 @@ def table_of(
     single = {k for k, size in sizes.items() if size < least}
     known = [k for k in sizes if k not in single and _is_column(_vector(content[k]))]
     cells: dict[str, Any] = {}
-    for w in known if wanted is None else [*wanted, *(o for o in optional if o in content)]:
+    for w in known if wanted is None else [*wanted, *(o for o in optional if o in known)]:
         value = content.get(w)
         if isinstance(value, str):
             raise UserError(f"{name}: '{w}' is {value}.", f"Name a column: {listed(known)}.")

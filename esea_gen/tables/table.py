@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from typing import Any, Literal
@@ -18,6 +19,7 @@ from esea_gen.errors import UserError, nearest
 LONGEST_SHOWN = 40  # characters of a cell in a message
 MOST_SHOWN = 20  # names of columns in a message
 MOST_LINES = 5  # line numbers in a message
+SIMULATED, MARK = "simulated", "; SIMULATED"  # column of an export; what a text ends with
 Kind = Literal["csv", "mat", "hdf5", "parquet", "json"]
 
 
@@ -147,6 +149,18 @@ class FileTable:
     def unit_of_rows(self) -> Literal["line", "row"]:
         return "line" if self.form.kind == "csv" else "row"
 
+    @property
+    def simulated(self) -> bool:
+        """Whether a column marks the rows so; one in words is somebody else's."""
+        with suppress(UserError):
+            return SIMULATED in self.cells and bool(self.numbers(SIMULATED, holes=True).any())
+        return False
+
+    @property
+    def mark(self) -> str:
+        """What a source or a name of the data ends with, if simulated."""
+        return MARK * self.simulated
+
     def at(self, row: int, column: str = "") -> str:
         """The place of a cell or row for a message, beginning with the file."""
         place = f"{self.name}: {self.unit_of_rows} {self.lines[row]}"
@@ -224,8 +238,8 @@ class FileTable:
         return f"{how}; left out: {'; '.join(self.left_out) or 'nothing'}"
 
     def report(self) -> str:
-        """One line: rows, format of the file, omitted data."""
-        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
+        """One line: rows, format of the file, omitted data, whether simulated."""
+        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}{self.mark}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

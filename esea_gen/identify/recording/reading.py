@@ -214,6 +214,8 @@ def _findings(
     # In the order in which the file was worked on; tau still has its spikes.
     if not read.usual:
         yield Finding("read as", f"read as {read.how()}", False)
+    if read.simulated:
+        yield Finding("simulated", "the recording is simulated, by its column of that name", True)
     if np.any(jumped):
         many = _counted(int(np.count_nonzero(jumped)), "sample")
         text = f"{many} at which the deflection jumps and comes back, bridged; they neither train"

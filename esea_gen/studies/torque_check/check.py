@@ -40,6 +40,7 @@ from esea_gen.studies.torque_check.procedure import (
     require,
     stiffening,
 )
+from esea_gen.tables import MARK
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -444,7 +445,8 @@ class TorqueCheck:
             lines.append(f"Next, {self.missing[0].label}: {self.missing[0].text}")
         for said in (self.suspects, self.doubt if self.verdict == "cannot judge" else None):
             lines += [said[0], f"To do: {said[1]}"] if said else []
-        lines.append(f"Verdict: {self.verdict.upper()}")
+        simulated = any(m.source.endswith(MARK) for m in self.measurements)
+        lines.append(f"Verdict: {self.verdict.upper()}{MARK * simulated}")
         return lines
 
 

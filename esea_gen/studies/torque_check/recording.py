@@ -36,7 +36,7 @@ def read_recording(path: Path) -> CheckRecording:
     if not len(table):
         raise UserError(f"{path}: no samples.", "Record again.")
     step = table.texts("step") if "step" in table.cells else None
-    return CheckRecording(path.name, time_s, tau_Nm, step, table.report())
+    return CheckRecording(f"{path.name}{table.mark}", time_s, tau_Nm, step, table.report())
 
 
 Phase = tuple[str, int, int]  # a step's name, its first and its last sample

@@ -50,7 +50,7 @@ def read_columns(path: Path) -> LegTable:
     found = {n: table.numbers(c) for n, c in known.items() if c in table.names}
     _refuse_holes(table, found)
     found = found or dict.fromkeys(table.names, np.zeros(0))
-    return LegTable(found, export.reported(table), export.says_simulated(table))
+    return LegTable(found, table.report(), table.simulated)
 
 
 def _from_log(path: Path) -> LegTable:

@@ -107,13 +107,13 @@ def loading(
     """Loading stiffness and hysteresis of a torque-displacement curve (theta_rad, tau_Nm)."""
     from esea_host.interaction.figures import loading_figure
     from esea_host.interaction.loading import analyse_loading
-    from esea_host.recording.export import column_of, longest_run, reported, says_simulated
+    from esea_host.recording.export import column_of, longest_run
 
     table = longest_run(read_table(file))
     theta, tau = (table.numbers(column_of(table, n)) for n in ("theta_rad", "tau_Nm"))
     found = analyse_loading(theta, tau, rest_rad=rest, skip_first=skip_first)
-    say([reported(table), *found.lines()])
-    simulated = says_simulated(table)
+    say([table.report(), *found.lines()])
+    simulated = table.simulated
     write_json(json_file, "host-loading", {"simulated": simulated} | found.to_dict())
     _draw(figure, loading_figure(theta - rest, tau, found, simulated))
 

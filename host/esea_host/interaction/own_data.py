@@ -12,12 +12,12 @@ from scipy.integrate import cumulative_trapezoid
 
 from esea_gen.errors import UserError
 from esea_gen.language.ports import UNIT_SUFFIXES
-from esea_gen.tables import FileTable, read_table
+from esea_gen.tables import SIMULATED, FileTable, read_table
 from esea_gen.tables.table import listed
 from esea_host import smoothness
 from esea_host.interaction.metrics import Metric
 from esea_host.interaction.recordings import Array, is_simulated
-from esea_host.recording.export import SIMULATED, longest_run, says_simulated
+from esea_host.recording.export import longest_run
 from esea_host.recording.log import TICK
 
 # What a joint's angle is called, the surest first; boards call it ``theta_load_rad``.
@@ -164,7 +164,7 @@ def measure_file(
         if error.reason == "cutoff" and over.unit is None:
             fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
-    simulated = says_simulated(table) or is_simulated(path)
+    simulated = table.simulated or is_simulated(path)
     return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
 
 

@@ -38,7 +38,7 @@ from esea_gen.files import write_whole
 from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
-from esea_host.recording.export import column_of, longest_run, says_simulated
+from esea_host.recording.export import column_of, longest_run
 from esea_host.smoothness import NoAnswerError, steady_rate
 from esea_host.smoothness.checks import rows
 from esea_host.study.exchange import TrialTrace, traces
@@ -236,7 +236,7 @@ def _stacked(
     for e in entries:
         angles[e.participant, e.element], rates[e.file], table = steady_angle(folder / e.file)
         tables.append(table)
-        marked = says_simulated(table) or is_simulated(folder / e.file)
+        marked = table.simulated or is_simulated(folder / e.file)
         if marked and not manifest.simulated:
             raise UserError(
                 f"{MANIFEST}: {e.file} is marked as simulated.", "Write simulated = true."

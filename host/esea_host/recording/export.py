@@ -9,7 +9,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 
 from esea_gen.errors import UserError
 from esea_gen.files import new_whole, plain, write_whole
-from esea_gen.tables import FileTable
+from esea_gen.tables import SIMULATED, FileTable
 from esea_gen.toml_file import read_text
 from esea_host.recording.layout import Array
 from esea_host.recording.log import TICK, Log, Table
@@ -27,7 +27,6 @@ from esea_host.recording.log import TICK, Log, Table
 if TYPE_CHECKING:
     import pyarrow
 
-SIMULATED = "simulated"  # column of an export
 SENSED = "sensing_ok"  # 0: the angles beside it are of no encoder that answers and is zeroed
 LONGEST_S = 3600.0  # without a row
 BIDS_VERSION = "1.10.0"
@@ -39,18 +38,6 @@ _BIDS_TYPES = {"rad": "JNTANG", "rad/s": "VEL", "rad/s^2": "ANGACCEL"}
 def _about(log: Log, table: Table) -> dict[str, Any]:
     gaps = [asdict(g) for g in table.gaps]
     return {"facts": log.facts, "integrity": log.integrity.to_dict(), "gaps": gaps}
-
-
-def says_simulated(table: FileTable) -> bool:
-    """Whether an exported table has the column that says so; one in words is somebody else's."""
-    with suppress(UserError):
-        return SIMULATED in table.cells and bool(table.numbers(SIMULATED, holes=True).any())
-    return False
-
-
-def reported(table: FileTable) -> str:
-    """Report how a table was read, the omitted data, and whether it is simulated."""
-    return table.report() + ("; SIMULATED" if says_simulated(table) else "")
 
 
 def column_of(table: FileTable, name: str) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -19,7 +18,6 @@ from esea_gen.errors import UserError
 from esea_gen.files import new_whole
 from esea_gen.tables import FileTable, TableFormat, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
-from esea_host.recording.export import SIMULATED, says_simulated
 from esea_host.recording.integrity import Gap
 from esea_host.recording.layout import Array, StreamColumn, StreamLayout
 from esea_host.recording.writer import Recorder
@@ -133,7 +131,7 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
     report.rows, report.read, report.left_out = len(rows), table.report(), table.left_out
     told = {k: v for k, v in vars(report).items() if k != "gaps"}
     attached = {"mapping.json": mapping.model_dump_json(indent=1).encode()}
-    if SIMULATED in table.names and _says_simulated(source, mapping):
+    if table.simulated:
         facts = {"device": "imported", "board": source.name, "simulated": True}
         attached["facts.json"] = json.dumps(facts).encode()
     with new_whole(target) as part, Recorder(part, attached) as recorder:
@@ -142,12 +140,6 @@ def import_table(source: Path, mapping: ForeignMapping, target: Path) -> ImportR
         for gap in report.gaps:
             recorder.gap(gap)
     return report
-
-
-def _says_simulated(source: Path, mapping: ForeignMapping) -> bool:
-    with suppress(UserError):
-        return says_simulated(read_table(source, [SIMULATED], mapping.table_format()))
-    return False
 
 
 def _name(table: FileTable, source: str | int) -> str:
