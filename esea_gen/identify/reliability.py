@@ -28,10 +28,11 @@ from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft, fit_split
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.recording.mapping import load_mapping
+from esea_gen.identify.recording.proposal import stated_unit
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
-from esea_gen.tables import FileTable, read_table
+from esea_gen.tables import SIMULATED, FileTable, read_table
 
 CONFIDENCE = 0.95
 LEAST_ROWS, LEAST_COLUMNS = 5, 2
@@ -188,7 +189,14 @@ def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
     # A first column named ``condition`` is a label and left out.
     table = read_table(path)
     labelled = table.names[0].lower() == "condition"
-    names = table.names[labelled:]
+    names = [n for n in table.names[labelled:] if n != SIMULATED]
+    for n in names:
+        if len(unit := stated_unit(n)) > 1 and unit != "Nm":
+            raise UserError(
+                f"{path}: column '{n}' states the unit {unit}; each column is a specimen's torque "
+                "in Nm.",
+                "Convert or remove the column; the name 'condition' marks a first one of labels.",
+            )
     if not all(names):
         raise UserError(
             f"{path}: {list(table.names)} does not name each specimen.",

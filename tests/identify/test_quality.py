@@ -46,6 +46,16 @@ def test_a_wrong_unit_of_time_is_refused(tmp_path, unit, parts):
         assert part in said
 
 
+def test_a_simulated_export_and_a_unit_unlike_its_columns_name_identify_nothing(tmp_path):
+    t, x, y = rig()
+    path = written(tmp_path, t, x, y, ('"y"', '"y_mNm"'), ('"x"', '"theta_m"'))
+    rows = (tmp_path / "rig.csv").read_text().splitlines()[1:]
+    text = "\n".join(["t,theta_m,y_mNm,simulated", *(f"{row},1" for row in rows)])
+    (tmp_path / "rig.csv").write_text(text)
+    (r,) = load_recordings(load_mapping(path))
+    assert {f.kind for f in r.findings if f.stops} == {"simulated", "unit"}
+
+
 # What is masked.
 
 

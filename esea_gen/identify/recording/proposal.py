@@ -198,6 +198,11 @@ def _named(name: str, row: str) -> tuple[set[str], str]:
     return set() if unit == RATE else by_word & by_unit or by_word | by_unit, unit
 
 
+def stated_unit(column: str) -> str:
+    """Unit in a column's name, as mappings spell it; empty without one."""
+    return _named(column, "")[1]
+
+
 def _columns(table: FileTable, units: dict[str, str]) -> dict[str, tuple[str, str]]:
     """Each quantity's column, the only one that may be it, and the unit as stated."""
     may = {n: _named(n, units.get(n, "")) for n in _numeric(table)}

@@ -18,6 +18,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.recording.conditions import LEAST_APART_K, divided
 from esea_gen.identify.recording.cycles import data_sets, divide
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
+from esea_gen.identify.recording.proposal import stated_unit
 from esea_gen.identify.recording.quality import (
     MOST_SPIKES,
     Finding,
@@ -29,7 +30,7 @@ from esea_gen.identify.recording.quality import (
     spikes,
 )
 from esea_gen.identify.recording.recorded import Recording
-from esea_gen.identify.recording.tables import TIME, Mapping, RecordingTable, ToFit
+from esea_gen.identify.recording.tables import KINDS, TIME, Mapping, RecordingTable, ToFit
 from esea_gen.language.ports import Array
 from esea_gen.tables import FileTable, read_table
 
@@ -183,7 +184,7 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=tuple(c.name for c in m.condition if any(fnmatch(name, p) for p in c.files)),
-        findings=(*_findings(read, jumped, spiky, recorded, turned, gap), *worse),
+        findings=(*_unlike_names(m), *_findings(read, jumped, spiky, recorded, turned, gap), *worse),
         temperature_C=_temperature(m, table, name, columns),
     )
 
@@ -206,6 +207,19 @@ def _without_lag(
 
 def _counted(count: int, what: str) -> str:
     return f"{count} {what}{'s' if count > 1 else ''}"
+
+
+def _unlike_names(m: Mapping) -> Iterator[Finding]:
+    # A column's name that states another unit of the same kind: one of the two is wrong.
+    for column, unit in (
+        (m.deflection.column, m.deflection.unit),
+        (m.torque.column, m.torque.unit),
+        (m.sampling.time_column or "", m.sampling.time_unit),
+    ):
+        stated = stated_unit(column)
+        if stated != unit and any({stated, unit} <= {*kind} for kind in KINDS):
+            text = f"the name of column '{column}' states {stated}, the mapping {unit}"
+            yield Finding("unit", text, True)
 
 
 def _findings(

@@ -19,6 +19,7 @@ FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "tonf": 9806.65, "lbf"
 TORQUE = {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 VOLTAGE = {"V": 1e3, "mV": 1.0, "uV": 1e-3}  # in mV
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}
+KINDS = LENGTH, ANGLE, FORCE, TORQUE, VOLTAGE, TIME
 
 Use = Literal["cycles", "train", "held_out"]
 
