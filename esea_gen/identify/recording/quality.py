@@ -46,6 +46,9 @@ STILL_BAND, STILL_SAMPLES, STILL_SHARE = 2e-4, 8, 0.04
 # what it is at the same deflection, to this share of its range, elsewhere.
 GONE_ON, SAME_SHARE = 0.1, 0.02
 AT_ITS_END = 0.01  # of its range: there it is saturated, else frozen
+# Clipped at the loops' tips: flat over this share of the deflection's range, and before that over
+# the same motion so many times steeper.  A rounded peak is three times steeper there.
+TIP_SHARE, TIP_FACTOR = 0.01, 10.0
 OFFSET_SHARE, LEAST_KEPT = 0.02, 50  # of full scale; samples
 # Backlash: a stretch of next to no torque, this many times wider than the stiffness beside it asks.
 LOOSE_TORQUE, LOOSE_FACTOR, LOOSE_SHARE = 0.015, 3.0, 0.03
@@ -185,6 +188,20 @@ def still(moving: Array, standing: Array) -> Iterator[tuple[int, int]]:
         yield first, last
 
 
+def clipped(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
+    """Stretches at an end of the torque's range that begin with a kink."""
+    calm, noise = _calm(theta), _noise(tau, _calm(tau))
+    resolution = float(np.percentile(np.diff(np.unique(tau)), 10))
+    band = STILL_BAND * float(np.ptp(tau)) + 2 * noise + resolution
+    ends, least = np.isin(tau, (tau.min(), tau.max())).nonzero()[0], TIP_SHARE * np.ptp(theta)
+    for a, b in _flat(tau, band):
+        at_end = b - a >= STILL_SAMPLES and np.diff(np.searchsorted(ends, (a, b)))[0]
+        if at_end and (moved := float(np.ptp(calm[a:b]))) > least:
+            before = np.flatnonzero(np.abs(calm[:a] - calm[a]) >= moved)[-1:]
+            if np.any(np.abs(tau[before] - tau[a]) > TIP_FACTOR * band):
+                yield a, b
+
+
 def _flat(x: Array, band: float) -> Iterator[tuple[int, int]]:
     # The longest stretches within the band: lows and highs are the candidates for its two ends.
     values, a = x.tolist(), 0
@@ -288,8 +305,13 @@ def examined(
         longest = f"the longest of {time_s[at + 1] - time_s[at]:.3g} s at {time_s[at]:.4g} s"
         found("gap", f"{count}, {longest}; {left_out.format('one')}", stops=False)
     width, full_scale = float(np.ptp(tau)), float(np.abs(tau).max())
-    for a, b in still(theta, tau):
-        at_end = min(tau.max() - tau[a], tau[a] - tau.min()) < AT_ITS_END * width
+    tips = [*clipped(theta, tau)]
+    for a, b in [*tips, *still(theta, tau)]:
+        if np.all(mask[a:b]):
+            continue
+        at_end = (a, b) in tips or (
+            min(tau.max() - tau[a], tau[a] - tau.min()) < AT_ITS_END * width
+        )
         if not at_end and abs(tau[a]) < LOOSE_TORQUE * full_scale:
             continue  # backlash, if anything
         mask[a:b] = True

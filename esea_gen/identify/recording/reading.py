@@ -184,7 +184,11 @@ def _load(
         cycles=cycles,
         sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
         conditions=tuple(c.name for c in m.condition if any(fnmatch(name, p) for p in c.files)),
-        findings=(*_unlike_names(m), *_findings(read, jumped, spiky, recorded, turned, gap), *worse),
+        findings=(
+            *_unlike_names(m),
+            *_findings(read, jumped, spiky, recorded, turned, gap),
+            *worse,
+        ),
         temperature_C=_temperature(m, table, name, columns),
     )
 
