@@ -387,6 +387,7 @@ def friction(
     """Friction of a drive from runs at steady speeds: Coulomb, viscous, Stribeck, load."""
     from esea_gen.identify.drive.device_text import actuator_text, with_actuator
     from esea_gen.identify.drive.friction import fit_friction, read_run
+    from esea_gen.identify.identified import marked, write_device
     from esea_gen.report.figures import friction_picture
     from esea_gen.tables import MARK
 
@@ -407,7 +408,8 @@ def friction(
         simulated = any(r.read_as.endswith(MARK) for r in read)
         source = f"{found.runs} runs at steady speeds{MARK * simulated}"
         updated = with_actuator(loaded, numbers, source)
-        write_whole(folder / updated.origin, actuator_text(loaded, updated, []))
+        text = marked(actuator_text(loaded, updated, []), "friction")
+        write_device(folder / updated.origin, text)
         out.print(f"device file: {folder / updated.origin}")
 
 
@@ -430,6 +432,7 @@ def encoder_table(
 ) -> None:
     """Correction table of an encoder from a recording with a better one."""
     from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table
+    from esea_gen.identify.identified import marked, write_device
 
     choose("side", side, ("motor", "load"))
     loaded = esea_gen.load_device(device)
@@ -440,5 +443,5 @@ def encoder_table(
     show(found, json_file, "encoder-table")
     if folder is not None:
         made = with_table(loaded, found, orientation, f"recording {recording.name}{read.mark}")
-        write_whole(folder / f"{made.name}.toml", made.toml())
+        write_device(folder / f"{made.name}.toml", marked(made.toml(), "encoder-table"))
         out.print(f"device file: {folder / f'{made.name}.toml'}")

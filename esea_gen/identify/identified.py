@@ -79,7 +79,25 @@ def gate_notes(recordings: Sequence[Recording], excused: Collection[str] = ()) -
 
 # Of a data set, beside its errors.
 KEPT = "label", "amplitude_rad", "asymmetry", "work_first_J", "work_last_J", "softening"
-MARK = "# Written by esea-gen identify."
+MARK = "# Written by esea-gen"
+
+
+def marked(body: str, command: str) -> str:
+    """A device file with a first line that says that it is ours and unchanged."""
+    digest = _digest(body)
+    return (
+        f"{MARK} {command}.  Content {digest}; once changed by hand it is not overwritten.\n{body}"
+    )
+
+
+def write_device(path: Path, text: str, *, overwrite: bool = False) -> None:
+    """Write a marked device file atomically, and never over a file edited by hand."""
+    if path.exists() and not overwrite and not _ours(path):
+        raise UserError(
+            f"'{path}' exists and was not written by esea-gen, or was changed by hand since.",
+            "Choose another folder or device.name, or move the file away.",
+        )
+    write_whole(path, text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,24 +158,15 @@ class Identified:
         return lines + [f"note: {note}" for note in self.notes]
 
     def toml(self) -> str:
-        """The device file, its first line saying that it is ours and unchanged."""
-        body = self.device.toml()
-        return (
-            f"{MARK}  Content {_digest(body)}; once changed by hand it is not overwritten.\n{body}"
-        )
+        """The device file, marked."""
+        return marked(self.device.toml(), "identify")
 
     def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``<name>.toml`` atomically, and never over a file edited by hand."""
+        """Write ``<name>.toml``, as :func:`write_device` does."""
         path, text = Path(folder) / f"{self.device.name}.toml", self.toml()
         if parse_device(text, path.name).canonical() != self.device.canonical():
             raise RuntimeError(f"{path.name} does not read back to what was identified")
-        if path.exists() and not overwrite and not _ours(path):
-            raise UserError(
-                f"'{path}' exists and was not written by esea-gen identify, or was changed by hand "
-                "since.",
-                "Choose another folder or device.name, or allow overwriting.",
-            )
-        write_whole(path, text)
+        write_device(path, text, overwrite=overwrite)
         return path
 
 

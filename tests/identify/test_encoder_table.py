@@ -86,6 +86,10 @@ def test_the_command_writes_a_device_file_that_has_the_table(tmp_path):
     assert "95 % intervals" in side.correction_rad.source
     assert side.orientation_rad == side.correction_orientation_rad
     assert content["after_rad"] < 0.2 * content["before_rad"]
+    made = tmp_path / "made" / "elbow_drive.toml"
+    made.write_text(f"# Mine.\n{made.read_text()}")
+    done = typed("encoder-table", "elbow_drive", "bench.csv", *options, cwd=tmp_path)
+    assert (done.returncode, made.read_text()[:7]) == (2, "# Mine.")
 
 
 def test_too_little_is_refused():
