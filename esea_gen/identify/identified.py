@@ -51,7 +51,7 @@ def gated(device: Device, recordings: Sequence[Recording]) -> Device:
         return number.model_copy(update={"status": "assumed", "source": why + number.source})
 
     file = device.file
-    models = {k: getattr(file, k) for k in ("elastomer", "family")}
+    models = {k: getattr(file, k) for k in ("elastomer", "family", "inverse")}
     update = {k: changed(v, doubted) for k, v in models.items() if v is not None}
     return parse_device(render_toml(file.model_copy(update=update)), device.origin)
 

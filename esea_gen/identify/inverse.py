@@ -26,8 +26,9 @@ from esea_gen.devices.fields import Inverse, field_facts
 from esea_gen.devices.file import render_toml
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_block
-from esea_gen.identify.drafting import files_of, identified
+from esea_gen.identify.drafting import assumed, determined, files_of, identified
 from esea_gen.identify.identification import Identification
+from esea_gen.identify.identified import gated
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.published.plant import (
     ROWS_REFINE,
@@ -58,6 +59,13 @@ PROFILE = 11
 def play_bounds(key: str) -> tuple[float, float]:
     facts = field_facts(f"inverse.{key}")
     return float(facts["low"]), float(facts["high"])
+
+
+def _sure(key: str, value: float, sigma: float | None) -> str:
+    if sigma is not None:
+        return f"standard deviation {sigma:.2g}"
+    bound = play_at_bound(key, value)
+    return f"at its {bound} bound" if bound else "not determined"
 
 
 def play_at_bound(key: str, value: float) -> str | None:
@@ -240,10 +248,7 @@ class InverseFit:
     def summary(self) -> list[str]:
         lines = ["inverse, play operators refitted (table 4.2 in brackets):"]
         for key, value in self.values.items():
-            sigma, bound = self.sigma[key], play_at_bound(key, value)
-            sure = f"at its {bound} bound" if bound else "not determined"
-            if sigma is not None:
-                sure = f"standard deviation {sigma:.2g}"
+            sure = _sure(key, value, self.sigma[key])
             lines.append(f"  {key:10} {value:.5g} ({PLAY_DEFAULTS[key]:g}), {sure}")
         for what, sets in (("refitted", self.sets), ("table 4.2", self.published)):
             found = sets.means(self.device.file.domain.theta_max_rad.value)
@@ -318,7 +323,7 @@ def refit_identified(
     source = f"{files_of(result.recordings)} ({result.source.origin})"
     seed = result.source.mapping.search.seed
     fit = refit_inverse(result.device, result.recordings, source, seed=seed, progress=progress)
-    return replace(result, device=fit.device), fit
+    return replace(result, device=gated(fit.device, result.recordings)), fit
 
 
 def _residual(plant: PlayPlant) -> Residual:
@@ -349,14 +354,11 @@ def _check(device: Device, recordings: Sequence[Recording]) -> None:
 def _with_inverse(
     device: Device, values: dict[str, float], sigma: dict[str, float | None], source: str
 ) -> Device:
-    def describe(key: str) -> str:
-        bound = play_at_bound(key, values[key])
-        if bound:
-            return f"{source}; at its {bound} bound"
+    found = {}
+    for key, v in values.items():
         s = sigma.get(key)
-        return source if s is None else f"{source}; standard deviation {s:.2g}"
-
-    found = {k: identified(float(v), describe(k)) for k, v in values.items()}
+        kind = identified if s is not None and determined(v, s) else assumed
+        found[key] = kind(float(v), f"{source}; {_sure(key, v, s)}")
     section = Inverse(kind="published", **found)
     file = device.file.model_copy(update={"inverse": section})
     return parse_device(render_toml(file), f"{file.name}.toml")

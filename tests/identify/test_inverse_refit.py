@@ -222,6 +222,9 @@ def test_identify_with_inverse_writes_the_section(tmp_path):
     assert device.inverse.name == "inverse_plays"
     content = json.loads((tmp_path / "i.json").read_text())["inverse"]
     assert content["parameters"]["chi_rad"]["value"] == device.file.inverse.chi_rad.value
+    statuses = [getattr(device.file.inverse, k).status for k in content["parameters"]]
+    sure = [p["sigma"] < p["value"] for p in content["parameters"].values()]
+    assert [s == "identified" for s in statuses] == sure == [False, False, True]
     # On real rubber, on cycles not seen: far better than the elbow's own table.
     means = content["mean_rms"]
     assert means["held_out_percent"] < 0.5 * content["mean_rms_published"]["held_out_percent"]
