@@ -45,7 +45,7 @@ from esea_gen.identify.published.search_problem import (
     sobol_points,
 )
 from esea_gen.identify.recording.recorded import Misfits, Recording, training_sets
-from esea_gen.identify.recording.resampling import autocorrelation
+from esea_gen.identify.recording.resampling import Determined
 from esea_gen.language.ports import Array
 from esea_gen.model.inverse import chosen_inverse
 from esea_gen.model.published_inverse import PLAY_DEFAULTS, PLAYS, published_inverse
@@ -145,13 +145,10 @@ def play_spread(
     error = run(values) - plant.weight * plant.measured
     if not free or not error @ error > 0:
         return sigma, {}
-    jacobian = relative_jacobian(run, values, free, 1e-4)
-    _, singular, v = np.linalg.svd(jacobian, full_matrices=False)
-    if singular[-1] < 1e-9 * singular[0]:
+    fit = Determined.of(relative_jacobian(run, values, free, 1e-4), error, np.ones(len(error)))
+    if np.any(fit.unknown):
         return sigma, {}
-    rho = autocorrelation(error)
-    noise = float(error @ error) / max(1, len(error) - len(free)) * (1 + rho) / (1 - rho)
-    covariance: Array = noise * (v.T / singular**2) @ v
+    covariance = fit.plain()
     relative = np.sqrt(np.diag(covariance))
     for k, s in zip(free, relative, strict=True):
         sigma[k] = float(s) * values[k]

@@ -28,7 +28,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.drafting import draft, fit_split
 from esea_gen.identify.published.fit import Progress
 from esea_gen.identify.recording.mapping import load_mapping
-from esea_gen.identify.recording.proposal import stated_unit
+from esea_gen.identify.recording.proposal import named
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
@@ -191,7 +191,7 @@ def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
     labelled = table.names[0].lower() == "condition"
     names = [n for n in table.names[labelled:] if n != SIMULATED]
     for n in names:
-        if len(unit := stated_unit(n)) > 1 and unit != "Nm":
+        if len(unit := named(n)[1]) > 1 and unit != "Nm":
             raise UserError(
                 f"{path}: column '{n}' states the unit {unit}; each column is a specimen's torque "
                 "in Nm.",

@@ -111,10 +111,7 @@ class TextReader:
                 lines.append(line)
                 for column, place in zip(columns, places, strict=True):
                     column.append(row[place])
-        for why, gone in (
-            ("without a value", empty),
-            (f"of other than {width} cells", ragged),
-        ):
+        for why, gone in (("without a value", empty), (f"of other than {width} cells", ragged)):
             if gone:
                 rows_word = "row" if len(gone) == 1 else "rows"
                 self.left_out.append(f"{len(gone)} {rows_word} {why} ({numbered('line', gone)})")

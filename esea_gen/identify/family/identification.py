@@ -287,10 +287,7 @@ def _channel_model(
 
 
 def _notes(
-    source: MappingFile,
-    recordings: Sequence[Recording],
-    fitted: FittedMember,
-    verdict: Verdict,
+    source: MappingFile, recordings: Sequence[Recording], fitted: FittedMember, verdict: Verdict
 ) -> tuple[str, ...]:
     softens = any(t.softening for _, t in fitted.used)
     notes = [

@@ -137,11 +137,7 @@ def best_of(ends: Ends) -> tuple[float, Array]:
     return min(ends, key=lambda e: e[0])
 
 
-SEARCHES: dict[str, Search] = {
-    "multi-start": multi_start,
-    "evolution": evolution,
-    "thesis": thesis,
-}
+SEARCHES: dict[str, Search] = {"multi-start": multi_start, "evolution": evolution, "thesis": thesis}
 
 
 def search_named(name: str) -> Search:

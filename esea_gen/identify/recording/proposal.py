@@ -25,11 +25,7 @@ WORDS = {
     "travel weg position pos strain encoder x",
     "torque": "tau torque moment drehmoment force kraft load cell loadcell bridge signal f m",
 }
-UNITS = {
-    "time": [*TIME],
-    "deflection": [*ANGLE, *LENGTH],
-    "torque": [*TORQUE, *FORCE, *VOLTAGE],
-}
+UNITS = {"time": [*TIME], "deflection": [*ANGLE, *LENGTH], "torque": [*TORQUE, *FORCE, *VOLTAGE]}
 # Units as people spell them, in exactly these letters: mNm is not MNm, nor nm Nm.
 SPELT = {u: u for units in UNITS.values() for u in units} | {
     "°": "deg", "degree": "deg", "degrees": "deg", "Deg": "deg", "radian": "rad", "radians": "rad",
@@ -183,7 +179,7 @@ def _is_numeric(table: FileTable, name: str) -> bool:
         return False
 
 
-def _named(name: str, row: str) -> tuple[set[str], str]:
+def named(name: str, row: str = "") -> tuple[set[str], str]:
     """Possible meanings of a column, by its words and the unit in its name or a line of units."""
     name = re.sub(r"\s*/\s*", "/", name)
     inside = re.findall(r"[\[({]([^\[\](){}]*)[\])}]", name)
@@ -198,14 +194,9 @@ def _named(name: str, row: str) -> tuple[set[str], str]:
     return set() if unit == RATE else by_word & by_unit or by_word | by_unit, unit
 
 
-def stated_unit(column: str) -> str:
-    """Unit in a column's name, as mappings spell it; empty without one."""
-    return _named(column, "")[1]
-
-
 def _columns(table: FileTable, units: dict[str, str]) -> dict[str, tuple[str, str]]:
     """Each quantity's column, the only one that may be it, and the unit as stated."""
-    may = {n: _named(n, units.get(n, "")) for n in _numeric(table)}
+    may = {n: named(n, units.get(n, "")) for n in _numeric(table)}
     found: dict[str, tuple[str, str]] = {}
     for what in WORDS:
         names = [n for n, (kinds, _) in may.items() if what in kinds]

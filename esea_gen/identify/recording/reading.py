@@ -18,7 +18,7 @@ from esea_gen.errors import UserError
 from esea_gen.identify.recording.conditions import LEAST_APART_K, divided
 from esea_gen.identify.recording.cycles import data_sets, divide
 from esea_gen.identify.recording.mapping import MappingFile, load_mapping
-from esea_gen.identify.recording.proposal import stated_unit
+from esea_gen.identify.recording.proposal import named
 from esea_gen.identify.recording.quality import (
     MOST_SPIKES,
     Finding,
@@ -215,12 +215,9 @@ def _counted(count: int, what: str) -> str:
 
 def _unlike_names(m: Mapping) -> Iterator[Finding]:
     # A column's name that states another unit of the same kind: one of the two is wrong.
-    for column, unit in (
-        (m.deflection.column, m.deflection.unit),
-        (m.torque.column, m.torque.unit),
-        (m.sampling.time_column or "", m.sampling.time_unit),
-    ):
-        stated = stated_unit(column)
+    pairs = [(t.column, t.unit) for t in (m.deflection, m.torque)]
+    for column, unit in (*pairs, (m.sampling.time_column or "", m.sampling.time_unit)):
+        stated = named(column)[1]
         if stated != unit and any({stated, unit} <= {*kind} for kind in KINDS):
             text = f"the name of column '{column}' states {stated}, the mapping {unit}"
             yield Finding("unit", text, True)
@@ -315,12 +312,7 @@ def _keep(time: Array, min_step_s: float | None) -> npt.NDArray[np.intp]:
 
 
 def _check_time(
-    time: Array,
-    rows: npt.NDArray[np.intp],
-    name: str,
-    column: str,
-    unit: str,
-    row: str = "row",
+    time: Array, rows: npt.NDArray[np.intp], name: str, column: str, unit: str, row: str = "row"
 ) -> None:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):

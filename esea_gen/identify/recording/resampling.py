@@ -138,7 +138,7 @@ def resampled(
     """Leave every cycle and every condition out, in turn."""
     few = len(np.unique(rows.condition)) < LEAST_CONDITIONS
     used = (rows.cycle,) if few or rows.alone else (rows.cycle, rows.condition)
-    fit = _Determined.of(jacobian, residual, weight)
+    fit = Determined.of(jacobian, residual, weight)
     covariance = fit.covariance(used)
     if len(np.unique(rows.cycle)) <= jacobian.shape[1]:
         # Fewer blocks than parameters leave directions in which nothing seems to move.
@@ -146,7 +146,7 @@ def resampled(
     friction = None
     more = np.column_stack([jacobian, rows.way])
     found = np.linalg.lstsq(more * weight[:, None], residual * weight, rcond=None)[0]
-    beside = _Determined.of(more, residual - more @ found, weight)
+    beside = Determined.of(more, residual - more @ found, weight)
     own = float(beside.covariance(used)[-1, -1])
     if abs(found[-1]) > CLEAR * np.sqrt(own) and own > 0 and not beside.unknown[-1]:
         friction = float(found[-1])
@@ -159,7 +159,7 @@ def resampled(
 
 
 @dataclass(frozen=True)
-class _Determined:
+class Determined:
     """A fit in coordinates in which its information is the identity."""
 
     basis: Array  # torque by coordinate, orthonormal
@@ -169,7 +169,7 @@ class _Determined:
     unknown: npt.NDArray[np.bool_]
 
     @classmethod
-    def of(cls, jacobian: Array, residual: Array, weight: Array) -> _Determined:
+    def of(cls, jacobian: Array, residual: Array, weight: Array) -> Determined:
         j = jacobian * weight[:, None]
         # Of parameters of any unit; one without effect stays 0.
         size = np.sqrt(np.einsum("ij,ij->j", j, j))

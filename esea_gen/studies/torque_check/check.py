@@ -187,8 +187,7 @@ class TorqueCheck:
             bad = np.flatnonzero(~np.isfinite(values))
             if len(bad):
                 raise UserError(
-                    f"step {label}: {name} of sample {bad[0]} (from 0) is {values[bad[0]]}.",
-                    again,
+                    f"step {label}: {name} of sample {bad[0]} (from 0) is {values[bad[0]]}.", again
                 )
         back = np.flatnonzero(np.diff(t) <= 0)
         if len(back):
