@@ -433,6 +433,7 @@ def encoder_table(
     """Correction table of an encoder from a recording with a better one."""
     from esea_gen.identify.drive.encoder_table import fit_table, read_counts, with_table
     from esea_gen.identify.identified import marked, write_device
+    from esea_gen.tables import MARK
 
     choose("side", side, ("motor", "load"))
     loaded = esea_gen.load_device(device)
@@ -442,6 +443,8 @@ def encoder_table(
     found = fit_table(side, count, reference_rad, full, nodes)
     show(found, json_file, "encoder-table")
     if folder is not None:
-        made = with_table(loaded, found, orientation, f"recording {recording.name}{read.mark}")
+        made = with_table(
+            loaded, found, orientation, f"recording {recording.name}{MARK * read.simulated}"
+        )
         write_device(folder / f"{made.name}.toml", marked(made.toml(), "encoder-table"))
         out.print(f"device file: {folder / f'{made.name}.toml'}")

@@ -156,11 +156,6 @@ class FileTable:
             return SIMULATED in self.cells and bool(self.numbers(SIMULATED, holes=True).any())
         return False
 
-    @property
-    def mark(self) -> str:
-        """What a source or a name of the data ends with, if simulated."""
-        return MARK * self.simulated
-
     def at(self, row: int, column: str = "") -> str:
         """The place of a cell or row for a message, beginning with the file."""
         place = f"{self.name}: {self.unit_of_rows} {self.lines[row]}"
@@ -239,7 +234,10 @@ class FileTable:
 
     def report(self) -> str:
         """One line: rows, format of the file, omitted data, whether simulated."""
-        return f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}{self.mark}"
+        return (
+            f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
+            + MARK * self.simulated
+        )
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

@@ -190,9 +190,8 @@ def still(moving: Array, standing: Array) -> Iterator[tuple[int, int]]:
 
 def clipped(theta: Array, tau: Array) -> Iterator[tuple[int, int]]:
     """Stretches at an end of the torque's range that begin with a kink."""
-    calm, noise = _calm(theta), _noise(tau, _calm(tau))
-    resolution = float(np.percentile(np.diff(np.unique(tau)), 10))
-    band = STILL_BAND * float(np.ptp(tau)) + 2 * noise + resolution
+    calm, resolution = _calm(theta), float(np.percentile(np.diff(np.unique(tau)), 10))
+    band = STILL_BAND * float(np.ptp(tau)) + 2 * _noise(tau, _calm(tau)) + resolution
     ends, least = np.isin(tau, (tau.min(), tau.max())).nonzero()[0], TIP_SHARE * np.ptp(theta)
     for a, b in _flat(tau, band):
         at_end = b - a >= STILL_SAMPLES and np.diff(np.searchsorted(ends, (a, b)))[0]
@@ -305,13 +304,11 @@ def examined(
         longest = f"the longest of {time_s[at + 1] - time_s[at]:.3g} s at {time_s[at]:.4g} s"
         found("gap", f"{count}, {longest}; {left_out.format('one')}", stops=False)
     width, full_scale = float(np.ptp(tau)), float(np.abs(tau).max())
-    tips = [*clipped(theta, tau)]
-    for a, b in [*tips, *still(theta, tau)]:
+    for a, b in [*clipped(theta, tau), *still(theta, tau)]:
         if np.all(mask[a:b]):
             continue
-        at_end = (a, b) in tips or (
-            min(tau.max() - tau[a], tau[a] - tau.min()) < AT_ITS_END * width
-        )
+        own = tau[a:b]
+        at_end = min(tau.max() - own.max(), own.min() - tau.min()) < AT_ITS_END * width
         if not at_end and abs(tau[a]) < LOOSE_TORQUE * full_scale:
             continue  # backlash, if anything
         mask[a:b] = True

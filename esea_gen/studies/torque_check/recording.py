@@ -12,7 +12,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 from esea_gen.studies.torque_check.check import Measurement, TorqueCheck
-from esea_gen.tables import read_table
+from esea_gen.tables import MARK, read_table
 
 # Without labels: the share of the known load above which a sample counts as loaded, and the
 # shortest phase; anything shorter is the mass being hung up or taken off.
@@ -36,7 +36,9 @@ def read_recording(path: Path) -> CheckRecording:
     if not len(table):
         raise UserError(f"{path}: no samples.", "Record again.")
     step = table.texts("step") if "step" in table.cells else None
-    return CheckRecording(f"{path.name}{table.mark}", time_s, tau_Nm, step, table.report())
+    return CheckRecording(
+        f"{path.name}{MARK * table.simulated}", time_s, tau_Nm, step, table.report()
+    )
 
 
 Phase = tuple[str, int, int]  # a step's name, its first and its last sample
