@@ -84,10 +84,8 @@ MARK = "# Written by esea-gen"
 
 def marked(body: str, command: str) -> str:
     """A device file with a first line that says that it is ours and unchanged."""
-    digest = _digest(body)
-    return (
-        f"{MARK} {command}.  Content {digest}; once changed by hand it is not overwritten.\n{body}"
-    )
+    said = f"Content {_digest(body)}; once changed by hand it is not overwritten."
+    return f"{MARK} {command}.  {said}\n{body}"
 
 
 def write_device(path: Path, text: str) -> None:

@@ -217,7 +217,7 @@ class InverseFit:
     population: int
     evaluations: int
     runner_up: float  # second finalist's cost over the best's
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         full = self.device.file.domain.theta_max_rad.value
@@ -295,22 +295,11 @@ def refit_inverse(
     fitted = _with_inverse(device, values, sigma, source)
     sets = judge_inverse(fitted, recordings)
     published = judge_inverse(_with_inverse(device, PLAY_DEFAULTS, {}, "table 4.2"), recordings)
-    notes = tuple(_notes(values, sigma, correlation, reach, (low, high), x, sets, published))
+    count, second = coarse.evaluations + fine.evaluations, runner_up([e[0] for e in ends])
+    found = fitted, values, sigma, correlation, reach, sets, published
+    fit = InverseFit(*found, seed, population, count, second)
     tell(1.0, "inverse, done")
-    return InverseFit(
-        device=fitted,
-        values=values,
-        sigma=sigma,
-        correlation=correlation,
-        phi_range_1_rad=reach,
-        sets=sets,
-        published=published,
-        seed=seed,
-        population=population,
-        evaluations=coarse.evaluations + fine.evaluations,
-        runner_up=runner_up([e[0] for e in ends]),
-        notes=notes,
-    )
+    return replace(fit, notes=tuple(_notes(fit, x[1], low[1], high[1])))
 
 
 def refit_identified(
@@ -361,48 +350,40 @@ def _with_inverse(
     return parse_device(render_toml(file), f"{file.name}.toml")
 
 
-def _notes(
-    values: dict[str, float],
-    sigma: dict[str, float | None],
-    correlation: dict[str, float],
-    reach: tuple[float, float],
-    space: tuple[Array, Array],
-    x: Array,
-    sets: Misfits,
-    published: Misfits,
-) -> Iterator[str]:
-    margin = 1e-3 * (space[1][1] - space[0][1])
-    if x[1] <= space[0][1] + margin:
+def _notes(fit: InverseFit, log_chi: float, least: float, most: float) -> Iterator[str]:
+    margin = 1e-3 * (most - least)
+    if log_chi <= least + margin:
         yield (
             "Inverse: the thresholds are as small as allowed: the data show no hysteresis for the "
             "play operators, and chi and phi mean nothing."
         )
-    elif x[1] >= space[1][1] - margin:
+    elif log_chi >= most - margin:
         yield "Inverse: the thresholds are as large as the recorded range allows."
-    for key, value in values.items():
-        bound, s = play_at_bound(key, value), sigma[key]
+    for key, value in fit.values.items():
+        bound, s = play_at_bound(key, value), fit.sigma[key]
         if bound:
             yield f"Inverse: {key} = {value:.4g} is at its {bound} bound."
         elif s is not None and s > SHARP * abs(value):
             yield f"Inverse: {key} = {value:.4g} is poorly determined (standard deviation {s:.2g})."
     low, high = play_bounds("phi_1_rad")
+    reach = fit.phi_range_1_rad
     if reach[1] - reach[0] > 0.5 * (high - low):
         yield (
             "Inverse: phi is not identifiable: from "
             f"{reach[0]:.3g} to {reach[1]:.3g} 1/rad the RMS error rises by less than "
             f"{100 * SEEN:g} %, kappa and chi making up for it."
         )
-    for pair, c in correlation.items():
+    for pair, c in fit.correlation.items():
         if abs(c) > ALIKE:
             a, b = pair.split()
             yield f"Inverse: {a} and {b} are correlated by {c:+.3f}."
-    ours, theirs = sets.mean_rms(True), published.mean_rms(True)
+    ours, theirs = fit.sets.mean_rms(True), fit.published.mean_rms(True)
     if math.isfinite(ours) and theirs < ours:
         yield (
             f"Inverse: on held-out cycles table 4.2 does better ({theirs:.3g} rad) than the refit "
             f"({ours:.3g} rad)."
         )
-    trained = sets.mean_rms(False)
+    trained = fit.sets.mean_rms(False)
     if math.isfinite(ours) and ours > 1.5 * trained:
         yield (
             f"Inverse: held out {ours:.3g} rad against {trained:.3g} rad in training: the fit does "
