@@ -443,8 +443,7 @@ def encoder_table(
     found = fit_table(side, count, reference_rad, full, nodes)
     show(found, json_file, "encoder-table")
     if folder is not None:
-        made = with_table(
-            loaded, found, orientation, f"recording {recording.name}{MARK * read.simulated}"
-        )
+        source = f"recording {recording.name}{MARK * read.simulated}"
+        made = with_table(loaded, found, orientation, source)
         write_device(folder / f"{made.name}.toml", marked(made.toml(), "encoder-table"))
         out.print(f"device file: {folder / f'{made.name}.toml'}")

@@ -152,20 +152,12 @@ def gather_specimen(
     if COMPARED in given:
         _check_scale(*given[COMPARED], identified)
     serial = source.mapping.specimen.serial
-    mine = [c for c in others.get(LIFE, {}).get("couplings", ()) if c["serial"] == serial]
+    lives = others.get(LIFE, {}).get("couplings", ())
+    one = next((c for c in lives if c["serial"] == serial), None)
     files = {k: str(p) for k, (p, _) in given.items()}
     asked = shlex.join([str(mapping), *([] if data is None else ["--data", str(data)])])
-    return SpecimenResults(
-        asked,
-        source,
-        recordings,
-        device,
-        identified,
-        verdict,
-        others,
-        files,
-        next(iter(mine), None),
-    )
+    fitted = device, identified, verdict
+    return SpecimenResults(asked, source, recordings, *fitted, others, files, one)
 
 
 def _check_recordings(

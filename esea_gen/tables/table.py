@@ -234,10 +234,8 @@ class FileTable:
 
     def report(self) -> str:
         """One line: rows, format of the file, omitted data, whether simulated."""
-        return (
-            f"{self.name}: {len(self)} row{'s' * (len(self) != 1)}, {self.how()}"
-            + MARK * self.simulated
-        )
+        rows = f"{len(self)} row{'s' * (len(self) != 1)}"
+        return f"{self.name}: {rows}, {self.how()}{MARK * self.simulated}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

@@ -216,16 +216,9 @@ class TorqueCheck:
             )
         middle = t - np.mean(t)
         slope = float(middle @ tau / (middle @ middle))
-        line = np.mean(tau) + slope * middle
-        return Measurement(
-            label,
-            float(np.mean(tau)),
-            slope * self.record_s,
-            float(np.sqrt(np.sum((tau - line) ** 2) / (len(t) - 2))),
-            len(t),
-            float(t[0]),
-            source,
-        )
+        mean, drift = float(np.mean(tau)), slope * self.record_s
+        noise = float(np.sqrt(np.sum((tau - mean - slope * middle) ** 2) / (len(t) - 2)))
+        return Measurement(label, mean, drift, noise, len(t), float(t[0]), source)
 
     # -- judging ---------------------------------------------------------------------------------
 

@@ -36,9 +36,8 @@ def read_recording(path: Path) -> CheckRecording:
     if not len(table):
         raise UserError(f"{path}: no samples.", "Record again.")
     step = table.texts("step") if "step" in table.cells else None
-    return CheckRecording(
-        f"{path.name}{MARK * table.simulated}", time_s, tau_Nm, step, table.report()
-    )
+    name = f"{path.name}{MARK * table.simulated}"
+    return CheckRecording(name, time_s, tau_Nm, step, table.report())
 
 
 Phase = tuple[str, int, int]  # a step's name, its first and its last sample
