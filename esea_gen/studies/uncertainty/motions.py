@@ -24,6 +24,7 @@ from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.sensing import sensing_system
+from esea_gen.tables import MARK
 
 TORQUES, RATES = len(TORQUE_EDGES) - 1, len(RATE_EDGES) - 1  # classes
 SWEEP_HZ_S = 0.5 / 60
@@ -273,5 +274,6 @@ def identified_spread(device: Device, mapping: Path, data: Path | None = None) -
     spread = np.minimum(sigmas, WEAK)
     weak = int(np.sum(sigmas > WEAK))
     held = f"; {weak} directions that it does not determine held to {100 * WEAK:g} %" * (weak > 0)
-    origin = f"covariance of the identification by {source.origin}{held}"
+    mark = MARK * any(f.kind == "simulated" for r in recordings for f in r.findings)
+    origin = f"covariance of the identification by {source.origin}{held}{mark}"
     return Spread(tuple(free), v * spread, origin, found.resampled.band_Nm)
