@@ -88,8 +88,8 @@ class ImportReport:
 
 
 def read_mapping(path: Path) -> ForeignMapping:
-    text = read_text(path, "docs/tables.md has a mapping file.")
-    document = parse_toml(text, path.name, "docs/tables.md")
+    text = read_text(path, "docs/import-log.md has a mapping file.")
+    document = parse_toml(text, path.name, "docs/import-log.md")
     mapping = checked(ForeignMapping, document, path.name, lambda _: None, text)
     if nothing := [c.name for c in mapping.columns if c.scale == 0]:
         raise UserError(

@@ -15,7 +15,7 @@ from esea_gen.toml_file import parse_toml
 
 TEXTS = Path(__file__).parent / "texts"
 ENGLISH = "en"
-SEE = "docs/study-task.md"
+SEE = "docs/study-files.md"
 # Tables to which a study's own tasks may add.
 OPEN = ("scene", "task", "event", "gauge")
 # Tables that the participant sees.

@@ -161,7 +161,7 @@ def cursor_maps(past: Sequence[Row], method: Method) -> dict[str, CursorMap]:
     return found
 
 
-SEE = "docs/wrist-display.md"
+SEE = "docs/calibrate-wrist.md"
 MAKE = "Give a file that esea-host wrist saved, or calibrate again."
 MOST_BYTES = 1 << 20
 
