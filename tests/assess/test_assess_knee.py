@@ -205,14 +205,20 @@ def test_the_sensors_c_reads_a_torque_back_through_its_dead_zone():
 # -- pendulum and range tests -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("zeta", "hertz"), [(0.05, 1.0), (0.15, 0.8), (0.3, 1.2)])
-def test_damped_pendulum_in_closed_form(zeta, hertz):
-    """x = rest - drop e^(-zeta w t) (cos wd t + ...): index 1 + e^(-pi zeta / sqrt(1 - zeta^2))."""
+@pytest.mark.parametrize(
+    ("zeta", "hertz", "held_s"), [(0.05, 1, 0), (0.15, 0.8, 0.5), (0.3, 1.2, 1)]
+)
+def test_damped_pendulum_in_closed_form(zeta, hertz, held_s):
+    """x = rest - drop e^(-zeta w t) (cos wd t + ...): index 1 + e^(-pi zeta / sqrt(1 - zeta^2)).
+
+    The hands let it sink by 4 deg and lift it again first, which was the first swing: index 0.06.
+    """
     w, root = 2 * math.pi * hertz / math.sqrt(1 - zeta**2), math.sqrt(1 - zeta**2)
     t = np.arange(0, 14, 0.005)
-    u = np.maximum(t - 0.5, 0)
+    u = np.maximum(t - held_s, 0)
+    held = 4 * np.sin(np.pi * t / (held_s or 1)) ** 2 * (t < held_s)
     shape = np.exp(-zeta * w * u) * (np.cos(w * root * u) + zeta / root * np.sin(w * root * u))
-    r = pendulum_test(t, (5 + 65 * (1 - shape)) * DEG)
+    r = pendulum_test(t, (5 + held + 65 * (1 - shape)) * DEG)
     over = math.exp(-math.pi * zeta / root)
     assert r.relaxation_index == pytest.approx(1 + over, abs=0.01)
     assert r.first_swing_rad / DEG == pytest.approx(65 * (1 + over), abs=0.3)
@@ -237,17 +243,20 @@ def test_a_pendulum_test_that_is_none_is_refused():
     assert "still moving" in moving.sentences()[-1]
 
 
-@pytest.mark.parametrize(("viscous", "dry"), [(4.0, 0.0), (0.0, 1.5)])
-def test_loop_in_closed_form(viscous, dry):
-    """Ellipse pi b w A^2 and parallelogram 4 F A, on a spring of 5 Nm/rad."""
+@pytest.mark.parametrize(
+    ("viscous", "dry", "body"),
+    [(4.0, 0.0, (1.7, 70.0)), (0.0, 1.5, (1.7, 70.0)), (4.0, 1.5, (1.2, 30.0))],
+)
+def test_loop_in_closed_form(viscous, dry, body):
+    """Ellipse pi b w A^2 and parallelogram 4 F A, on a spring of 5 Nm/rad, in Nm for any body."""
     amplitude, w = 0.6, 2 * math.pi * 0.1
     t = np.arange(0, 40, 0.01)
     angle = 1.1 - amplitude * np.cos(w * t)
     rate = amplitude * w * np.sin(w * t)
     torque = 5 * (angle - 1.1) + viscous * rate + dry * np.sign(rate)
-    weight = leg_weight_Nm(1.7, 70) * np.cos(angle)
-    inertia = leg_inertia_kgm2(1.7, 70) * amplitude * w**2 * np.cos(w * t)
-    r = motion_range(LegRecording(t, angle, torque - weight + inertia))
+    weight = leg_weight_Nm(*body) * np.cos(angle)
+    inertia = leg_inertia_kgm2(*body) * amplitude * w**2 * np.cos(w * t)
+    r = motion_range(LegRecording(t, angle, torque - weight + inertia, *body))
     exact = math.pi * viscous * w * amplitude**2 + 4 * dry * amplitude
     assert r.loop_J == pytest.approx(exact, rel=0.02)
     assert r.stiffness_Nm_rad == pytest.approx(5, rel=0.01)

@@ -22,6 +22,7 @@ from esea_host.assess.patients import (
     RELAXED,
     Array,
     KneePatient,
+    body_size,
     leg_weight_Nm,
 )
 from esea_host.assess.probing import (
@@ -185,7 +186,7 @@ class ClinicDesk:
 
     def torque(self, torque_Nm: float) -> None:
         """Read off a sensor at the midpoint of the movement, where nothing accelerates."""
-        size = self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
+        size = body_size(self.height_m, self.mass_kg)
         middle_rad = self.proposed.location.angle_rad
         carried = -leg_weight_Nm(self.height_m, self.mass_kg) * math.cos(middle_rad)
         response = (torque_Nm - carried) / size

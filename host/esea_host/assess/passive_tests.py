@@ -17,7 +17,7 @@ from scipy.signal import find_peaks, savgol_filter
 
 from esea_gen.errors import UserError
 from esea_host.assess import responses
-from esea_host.assess.patients import DEG, Array
+from esea_host.assess.patients import DEG, Array, body_size
 
 REST_S = 0.5  # the end, over which the leg must be at rest
 REST_RAD, REST_rad_s = 3 * DEG, 12 * DEG
@@ -90,14 +90,19 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
     reached = (
         float(np.ptp(tail)) < REST_RAD and float(np.abs(rate[-len(tail) :]).max()) < REST_rad_s
     )
-    start = float(np.median(smooth[: max(3, round(0.05 / h))]))
-    drop = rest - start
+    # Let go where it last stood still before it falls: held, it is never this fast.
+    fast = rate >= FALLING_rad_s / 2
+    still = np.flatnonzero(rate[: np.argmax(fast)] <= 0)
+    free = int(still[-1]) if len(still) else 0
+    start = float(np.median(smooth[max(0, free - round(0.05 / h)) : free + 1]))
+    drop = rest - max(start, float(smooth[0]))
     if drop < 10 * DEG:
         raise UserError(
             f"pendulum test: the leg came to rest {drop / DEG:.1f} deg below its start.",
             "Let it fall from a straight knee (at least 10 deg), and check the angle's sign.",
         )
-    extremes, fastest, steepest = _extremes(smooth), float(np.max(rate)), steepest_rad_s2(rate, h)
+    extremes = free + _extremes(smooth[free:])
+    fastest, steepest = float(np.max(rate)), steepest_rad_s2(rate, h)
     if fastest < FALLING_rad_s or steepest < FALLING_rad_s2:
         raise UserError(
             f"pendulum test: at most {fastest / DEG:.0f} deg/s and {steepest:.1f} rad/s2, the leg "
@@ -116,7 +121,8 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
         first, swings = float(smooth[extremes[0]] - start), (len(extremes) + 1) // 2
     damping, frequency = _decay(even[extremes], smooth[extremes] - rest)
     return PendulumResult(
-        start, rest, first, first / drop, damping, frequency, swings, fastest, bool(reached)
+        *(start, rest, first, first / (rest - start)),
+        *(damping, frequency, swings, fastest, bool(reached)),
     )
 
 
@@ -189,8 +195,7 @@ def motion_range(recording: responses.LegRecording, bins: int = 40) -> MotionRan
     # Torque at its own time again: a passage pairs it with where the leg was 60 ms before.
     late = round(responses.LATENCY_S / float(p.time_s[1] - p.time_s[0]))
     n = len(p.time_s) - late
-    response = p.response_Nm[:n]
-    error = p.error_Nm
+    response = body_size(recording.height_m, recording.mass_kg) * p.response_Nm[:n]
     p = responses.Passage(
         p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:], response, p.strained[:n], 0.0
     )
@@ -209,7 +214,7 @@ def motion_range(recording: responses.LegRecording, bins: int = 40) -> MotionRan
     loop = float(np.trapezoid(p.response_Nm[a : b + 1], p.angle_rad[a : b + 1])) / cycles
     # Work of a stationary error with that correlation time; it can make a lost energy negative.
     path = float(np.trapezoid(p.rate_rad_s[a : b + 1] ** 2, p.time_s[a : b + 1]))
-    loop_error = error * math.sqrt(2 * responses.ERROR_STAYS_S * path) / cycles
+    loop_error = recording.error_Nm * math.sqrt(2 * responses.ERROR_STAYS_S * path) / cycles
     edges = np.linspace(low, high, bins + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     at = np.clip(np.digitize(p.angle_rad, edges) - 1, 0, bins - 1)

@@ -107,8 +107,12 @@ class KneePatient:
 
     @property
     def size(self) -> float:
-        """Body size against the mean one: torques of muscles go with height times mass."""
-        return self.height_m * self.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
+        return body_size(self.height_m, self.mass_kg)
+
+
+def body_size(height_m: float, mass_kg: float) -> float:
+    """Body size against the mean one: torques of muscles go with height times mass."""
+    return height_m * mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
 
 
 def shank_length_m(height_m: float | Array) -> Array:

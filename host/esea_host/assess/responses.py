@@ -19,6 +19,7 @@ from esea_host.assess.patients import (
     MEAN_MASS_KG,
     PULL_N,
     Array,
+    body_size,
     leg_inertia_kgm2,
     leg_weight_Nm,
     shank_length_m,
@@ -113,7 +114,7 @@ def passage(recording: LegRecording) -> Passage:
     torque = savgol_filter(np.interp(t, r.time_s, r.torque_Nm), short, 1)
     weight = leg_weight_Nm(r.height_m, r.mass_kg) * np.cos(angle) if r.level else 0.0
     carried = leg_inertia_kgm2(r.height_m, r.mass_kg) * acceleration - weight
-    size = r.height_m * r.mass_kg / (MEAN_HEIGHT_M * MEAN_MASS_KG)
+    size = body_size(r.height_m, r.mass_kg)
     limit = STRAINED * PULL_N * float(shank_length_m(r.height_m))
     after = round(AFTER_STRAIN_S / h)
     strains = np.cumsum(np.abs(torque) > limit)
