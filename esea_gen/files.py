@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import getpass
+import hashlib
 import json
 import os
 import secrets
@@ -11,7 +12,7 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -65,6 +66,16 @@ def read_whole(path: Path, fix: str, most_bytes: int = MOST_BYTES) -> bytes:
     if len(data) > most_bytes:
         raise UserError(f"{path}: more than {most_bytes >> 20} MiB.", fix)
     return data
+
+
+def refuse_copies(paths: Iterable[Path]) -> None:
+    """Refuse a file that is also there by another name: it would count as two measurements."""
+    seen: dict[bytes, Path] = {}
+    for path in filter(Path.is_file, paths):
+        with path.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").digest()
+        if (other := seen.setdefault(digest, path)) is not path:
+            raise UserError(f"{path}: the same recording as {other}.", "Give each recording once.")
 
 
 @contextmanager

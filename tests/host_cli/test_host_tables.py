@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import json
+import re
 
 import numpy as np
 import pytest
@@ -196,3 +197,7 @@ def test_smoothness_chooses_asks_and_resamples(run, tmp_path):
         rows = "".join(f"{x},{x},{x}\n" for x in t)
         with pytest.raises(UserError, match=said):
             run(["smoothness", "t.csv"], f"{head}\n{rows}")
+    # It was taken for a position: the RMS acceleration of an acceleration, with exit code 0.
+    for column in ("a_rad_s2", "v [deg/sec]", "tau_Nm", "speed"):
+        with pytest.raises(UserError, match=f"unit of '{re.escape(column)}' is"):
+            measured(run, tmp_path, f"t,{column}", t, reach(t), "--column", column)

@@ -354,6 +354,7 @@ def changed(folder, tmp_path, old, new, count=1):
         ('group = "A"', 'group = "B"', "two groups"),
         ('element = "spring"', 'element = "rubber"', "element"),
         ("p0_1_tracking", "p9_1_tracking", "p9_1_tracking.csv"),
+        ("p0_1_tracking", "p2_1_tracking", "the same recording as"),
         ("simulated = true", 'simulated = true\nsurvey = "none.csv"', "none.csv"),
         ("simulated = true", "simulated = true\nwindow = 3", "window"),
     ],

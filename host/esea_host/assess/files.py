@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from esea_gen.errors import UserError
+from esea_gen.files import refuse_copies
 from esea_gen.tables import FileTable, read_table
 from esea_host.assess.database import RECORDINGS, LocationGrid, ResponseDataBase, answered
 from esea_host.assess.patients import DEG, MEAN_HEIGHT_M, MEAN_MASS_KG, RELAXED, Array
@@ -139,6 +140,7 @@ def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) 
     """A database from recordings: a folder for each category, files of people in it."""
     people = []
     found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
+    refuse_copies(found)
     for path in sorted(found):
         size = _body(path)
         leg = read_recording(path, *size)

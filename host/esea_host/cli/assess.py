@@ -14,7 +14,7 @@ import typer
 from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import FigureOption, JobsOption, option, writable
 from esea_gen.errors import UserError
-from esea_gen.files import write_json, write_whole, written_whole
+from esea_gen.files import refuse_copies, write_json, write_whole, written_whole
 from esea_host.assess import MEASURED_NOTICE, NOTICE, Measure, Summary
 from esea_host.cli.app import app, out, say, told
 from esea_host.cli.options import DarkOption, JsonOption, KeyOption, output_file
@@ -183,6 +183,7 @@ def run(
     if headless and (device is None or window):
         raise UserError("--headless", "Give --device, and leave --window out.")
     somebody = _patient(patient, device, (height_m, mass_kg), seed)
+    refuse_copies(recording or [])
     recordings = [read_recording(p, height_m, mass_kg) for p in recording or []]
     session = Assessment(_data(database), summary, mixed)
     with _board(device, key, somebody, comfort, json_file, seed, paced=not headless) as board:

@@ -34,7 +34,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field
 
 from esea_gen.errors import UserError
-from esea_gen.files import write_whole
+from esea_gen.files import refuse_copies, write_whole
 from esea_gen.tables import FileTable, read_table
 from esea_gen.toml_file import checked, parse_toml, read_text
 from esea_host.interaction.design import element_of
@@ -122,7 +122,7 @@ def read_manifest(folder: Path) -> Manifest:
                 "Correct group, block or element.",
             )
         other = seen.setdefault((e.participant, e.task, e.block), e.file)
-        if other != e.file or sum(x == e for x in manifest.recording) > 1:
+        if other != e.file:
             raise UserError(
                 f"{path.name}: {other} and {e.file} are the same person, task and block.",
                 "Remove the invalid one.",
@@ -216,6 +216,7 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
             f"{folder}: nobody has both elements in any task: {known}.",
             "Add the missing recordings.",
         )
+    refuse_copies(folder / e.file for e in there)
     # A comment is no data; a simulated recording begins with one.
     cut = [t.report() for t in tables if any("comment line" not in x for x in t.left_out)]
     read = (f"{len(tables)} recordings read, {len(tables) - len(cut)} completely", *cut)
