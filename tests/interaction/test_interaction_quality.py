@@ -96,6 +96,7 @@ def test_the_interval_is_of_the_branches_not_of_the_samples():
         (np.sin(np.linspace(0, 18, 300)), np.zeros(300), "does not rise with the angle"),
         (np.sin(np.linspace(0, 18, 300)), -np.sin(np.linspace(0, 18, 300)), "torque's sign"),
         (10 * np.sin(np.linspace(0, 18, 300)), np.zeros(300), "Give radians"),
+        (np.sin(np.linspace(0, 18, 300)), np.sin(np.linspace(-0.1, 17.9, 300)), "order of time"),
     ],
 )
 def test_curves_that_say_nothing(theta, tau, words):

@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 
 # An extreme rises above what lies round it by this share of the range: no tremor of a hand does.
 PROMINENCE = 0.25
+LEAST_LOSS = -0.02  # noise of an ideal spring; below it the record breaks a law of physics
 
 
 @dataclass(frozen=True)
@@ -206,6 +207,12 @@ def analyse_loading(
     areas = _areas(theta, tau, extremes)
     low, high = _interval(areas)
     amplitude = float(np.mean(np.abs(smooth[extremes])))
+    loss = float(np.mean(areas)) / (np.pi * whole * amplitude**2)
+    if loss < LEAST_LOSS:
+        raise UserError(
+            f"Loss factor {loss:.3f}: less than {LEAST_LOSS:g}, the element would give energy.",
+            "Check that the rows are in order of time, and that the torque does not lag.",
+        )
     return LoadingCurve(
         tuple(branches),
         whole,
@@ -218,7 +225,7 @@ def analyse_loading(
         areas,
         low,
         high,
-        float(np.mean(areas)) / (np.pi * whole * amplitude**2),
+        loss,
     )
 
 
