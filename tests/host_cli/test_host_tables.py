@@ -199,5 +199,5 @@ def test_smoothness_chooses_asks_and_resamples(run, tmp_path):
             run(["smoothness", "t.csv"], f"{head}\n{rows}")
     # It was taken for a position: the RMS acceleration of an acceleration, with exit code 0.
     for column in ("a_rad_s2", "v [deg/sec]", "tau_Nm", "speed"):
-        with pytest.raises(UserError, match=f"unit of '{re.escape(column)}' is"):
+        with pytest.raises(UserError, match=f"movement: '{re.escape(column)}'"):
             measured(run, tmp_path, f"t,{column}", t, reach(t), "--column", column)

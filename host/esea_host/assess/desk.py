@@ -334,8 +334,7 @@ def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> Non
             _take(desk, typed.strip(), say)
         except UserError as error:
             say(str(error))
-    say("")
-    for line in conclusion(desk.session):
+    for line in ("", *conclusion(desk.session)):
         say(line)
 
 
@@ -383,8 +382,7 @@ def assess_unattended(desk: ClinicDesk, movements: int, say: Callable[[str], Non
         say(desk.now())
         if desk.session.settled:
             break
-    say("")
-    for line in conclusion(desk.session):
+    for line in ("", *conclusion(desk.session)):
         say(line)
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import find_peaks, savgol_filter
+from scipy.stats import binned_statistic
 
 from esea_gen.errors import UserError
 from esea_host.assess import responses
@@ -115,14 +116,11 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
             "pendulum test: the recording ends within the first swing.",
             "Record until the leg hangs still.",
         )
-    if not len(extremes):
-        first, swings = rest - start, 0
-    else:
-        first, swings = float(smooth[extremes[0]] - start), (len(extremes) + 1) // 2
+    first = (float(smooth[extremes[0]]) if len(extremes) else rest) - start
     damping, frequency = _decay(even[extremes], smooth[extremes] - rest)
+    index, swings = first / (rest - start), (len(extremes) + 1) // 2
     return PendulumResult(
-        *(start, rest, first, first / (rest - start)),
-        *(damping, frequency, swings, fastest, bool(reached)),
+        start, rest, first, index, damping, frequency, swings, fastest, bool(reached)
     )
 
 
@@ -196,37 +194,33 @@ def motion_range(recording: responses.LegRecording, bins: int = 40) -> MotionRan
     late = round(responses.LATENCY_S / float(p.time_s[1] - p.time_s[0]))
     n = len(p.time_s) - late
     response = body_size(recording.height_m, recording.mass_kg) * p.response_Nm[:n]
-    p = responses.Passage(
-        p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:], response, p.strained[:n], 0.0
-    )
-    low, high = (float(x) for x in np.quantile(p.angle_rad, [0.002, 0.998]))
+    time_s, angle, rate = p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:]
+    low, high = (float(x) for x in np.quantile(angle, [0.002, 0.998]))
     span = high - low
     if span < 5 * DEG:
         raise UserError(
             f"range of motion: the knee moved by {span / DEG:.1f} deg.",
             "Move it by at least 5 deg.",
         )
-    turns = _turns(p.angle_rad, low + 0.15 * span, high - 0.15 * span)
+    turns = _turns(angle, low + 0.15 * span, high - 0.15 * span)
     cycles = max(0, (len(turns) - 1) // 2)
     if cycles < 1:
         raise UserError("range of motion: no whole cycle.", "Bend and straighten at least once.")
     a, b = turns[0], turns[2 * cycles]
-    loop = float(np.trapezoid(p.response_Nm[a : b + 1], p.angle_rad[a : b + 1])) / cycles
+    loop = float(np.trapezoid(response[a : b + 1], angle[a : b + 1])) / cycles
     # Work of a stationary error with that correlation time; it can make a lost energy negative.
-    path = float(np.trapezoid(p.rate_rad_s[a : b + 1] ** 2, p.time_s[a : b + 1]))
+    path = float(np.trapezoid(rate[a : b + 1] ** 2, time_s[a : b + 1]))
     loop_error = recording.error_Nm * math.sqrt(2 * responses.ERROR_STAYS_S * path) / cycles
     edges = np.linspace(low, high, bins + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    at = np.clip(np.digitize(p.angle_rad, edges) - 1, 0, bins - 1)
-    ways = []
-    for going in (p.rate_rad_s > 0, p.rate_rad_s < 0):
-        count = np.bincount(at[going], minlength=bins)
-        total = np.bincount(at[going], p.response_Nm[going], bins)
-        ways.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    ways = [
+        binned_statistic(angle[going], response[going], bins=edges).statistic
+        for going in (rate > 0, rate < 0)
+    ]
     mean = 0.5 * (ways[0] + ways[1])
     third = np.isfinite(mean) & (np.abs(middle - 0.5 * (low + high)) < span / 6)
     slope = float(np.polyfit(middle[third], mean[third], 1)[0]) if third.sum() > 2 else None
-    fastest = float(np.quantile(np.abs(p.rate_rad_s), 0.99))
+    fastest = float(np.quantile(np.abs(rate), 0.99))
     return MotionRange(
         low, high, fastest, cycles, loop, loop_error, slope, middle, ways[0], ways[1]
     )

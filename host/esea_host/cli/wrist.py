@@ -214,8 +214,8 @@ def shown_wrist(
         _print_table(f"Table {title}: {result.participants} {mark}", heads, map(cells, lines))
         say(f"{line.metric}: {line.note}" for line in lines if line.note)
     out.print(
-        "Medians; two-sided Wilcoxon signed-rank test, exact, zero differences dropped; Holm over "
-        "each table; effect: rank-biserial correlation."
+        "Medians; two-sided Wilcoxon signed-rank test, exact up to 50 people, zero differences "
+        "dropped; Holm over each table; effect: rank-biserial correlation."
     )
     write_json(to_json, "host-wrist", vars(result))
     if report:

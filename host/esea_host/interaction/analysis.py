@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -120,10 +120,7 @@ def analyse_interaction(
     :func:`read_recordings`.
     """
     found = read_recordings(folder, swapped)
-    try:
-        comparisons = [c for t in found.tasks for c in _comparisons(found, t)]
-    except (NoAnswerError, statistics.NoStatisticError) as error:
-        raise UserError(f"{folder.name}: {error.what}", error.fix) from None
+    comparisons = [c for t in found.tasks for c in _comparisons(found, t)]
     device = statistics.holm([c.device.p for c in comparisons])
     block = statistics.holm([c.block.p for c in comparisons])
     manifest = found.manifest
@@ -142,14 +139,19 @@ def analyse_interaction(
     )
 
 
-def _comparisons(found: Recordings, task: TaskRecordings) -> list[ElementComparison]:
+def _comparisons(found: Recordings, task: TaskRecordings) -> Iterator[ElementComparison]:
     if len(task.people) < 2:
         raise UserError(
             f"{task.task}: people with both elements: {len(task.people)}.", "Record at least 2."
         )
     chains = Chains(task.theta_deg, task.fs_Hz, found.manifest.last_s)
     family = len(FAMILY) * len(found.tasks)
-    return [_compare(task, chains, m, found.manifest.stop_Hz, family) for m in FAMILY]
+    for metric in FAMILY:
+        try:
+            yield _compare(task, chains, metric, found.manifest.stop_Hz, family)
+        except (NoAnswerError, statistics.NoStatisticError) as error:
+            where = f"{found.folder.name}: {task.task}, {metric.name}"
+            raise UserError(f"{where}: {error.what}", error.fix) from None
 
 
 def _compare(

@@ -100,11 +100,8 @@ class LoadingCurve:
             for v in (self.stiffness_Nm_rad, self.low_Nm_rad, self.high_Nm_rad, self.between_Nm_rad)
         )
         cycles = f"{len(self.areas_J)} cycle{'s' if len(self.areas_J) > 1 else ''}"
-        spread = (
-            ""
-            if self.area_low_J is None
-            else f" ({_mJ(self.area_low_J)} to {_mJ(self.area_high_J or 0)})"
-        )
+        least_J, most_J = self.area_low_J, self.area_high_J
+        spread = "" if least_J is None else f" ({_mJ(least_J)} to {_mJ(most_J or 0)})"
         return [
             f"loading stiffness   {k:.4f} Nm/deg, 95 % {low:.4f} to {high:.4f}, "
             f"{len(self.branches)} branches",

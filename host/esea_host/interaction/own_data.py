@@ -24,9 +24,8 @@ from esea_host.recording.log import TICK
 ANGLES = ("theta_load", "theta", "angle", "knee")
 TIMES = ("time", "t", "timestamp", "seconds")
 POSITIONS = ("rad", "deg", "m", "cm", "mm", "px")
-# No name of a position; of these, a column that is chosen needs a unit.
-RATES = "speed|veloc|omega|accel|jerk"
-OTHER = re.compile(f"{RATES}|torque|tau|force|current|status|count")
+# No name of a position.
+OTHER = re.compile("speed|veloc|omega|accel|jerk|torque|tau|force|current|status|count")
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Beside those of ports.
 SUFFIXES = {f"_{u}": u for u in (*POSITIONS, *SECONDS)}
@@ -208,18 +207,10 @@ def _time(table: FileTable, wanted: str | None, unit: str | None) -> NamedColumn
 
 
 def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedColumn:
-    if wanted is not None:
-        found = _named(table, wanted)
-        bare = found.unit is None and not re.search(RATES, found.name.lower())
-        if not (found.is_position or found.is_speed or bare):
-            raise UserError(
-                f"{table.name}: the unit of '{found.column}' is {found.unit or 'missing'}, no "
-                f"angle's, position's ({', '.join(POSITIONS)}) or their speed's (deg/s).",
-                "Write one of these units behind its name, or choose another column.",
-            )
-        return found
     apart = ("", over.column, TICK, SIMULATED)
     others = [q for q in map(NamedColumn.of, table.names) if q.column not in apart]
+    if wanted is not None:
+        others = [_named(table, wanted)]
     positions = [q for q in others if q.is_position]
     for stem in ANGLES:
         fits = [q for q in positions if q.stem == stem]
@@ -231,7 +222,8 @@ def _position(table: FileTable, wanted: str | None, over: NamedColumn) -> NamedC
         raise UserError(
             f"{table.name}: {'several columns' if fits else 'no column'} may be the movement: "
             f"{listed([q.column for q in fits or others])}.",
-            "Name one with --column: an angle, a position, or their speed with its unit.",
+            "Name one with --column: an angle, a position, or their speed, with a unit (rad, deg, "
+            "mm, px, deg/s) behind its name.",
         )
     return fits[0]
 

@@ -1,20 +1,4 @@
-"""Folder of recordings from any rig: a manifest and one table a recording.
-
-``interaction.toml``::
-
-    simulated = false
-    last_s = 45.0
-    stop_Hz = 4.0
-    survey = "survey.csv"        # optional
-    comments = "comments.csv"    # optional
-
-    [[recording]]
-    file = "p01_1_tracking.csv"
-    participant = "p01"
-    group = "A"                  # A: spring first, B: elastomer first
-    block = 1
-    element = "spring"
-    task = "tracking"
+"""Folder of recordings from any rig: a manifest, as in docs/interaction.md, and tables.
 
 A recording has the columns ``time_s`` and ``theta_rad`` or ``theta_deg`` at a steady rate; if it
 has ``paused``, only the rows after the last pause count.
@@ -204,12 +188,8 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
         people = sorted({e.participant for e in entries})
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]
-        if both:
-            tasks.append(
-                _stacked(
-                    folder, manifest, task, [e for e in entries if e.participant in both], tables
-                )
-            )
+        if whole := [e for e in entries if e.participant in both]:
+            tasks.append(_stacked(folder, manifest, task, whole, tables))
     if not tasks:
         known = ", ".join(left_out) or "no recordings"
         raise UserError(

@@ -129,13 +129,10 @@ class MovingHand(ActingHand):
             self.seen.popleft()
 
     def _aim(self) -> None:
-        keep = []
-        for x in self.running:
-            if self.time_s >= x.start_s + x.length_s:
-                self.base[x.axis] += x.size_deg
-            else:
-                keep.append(x)
-        self.running = keep
+        over = [x for x in self.running if self.time_s >= x.start_s + x.length_s]
+        for x in over:
+            self.base[x.axis] += x.size_deg
+            self.running.remove(x)
         _, scene, aims_then = self.seen[0]
         axes = range(len(self.aims))
         if self.time_s > self.who.model.delay_s:

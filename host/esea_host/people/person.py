@@ -170,26 +170,23 @@ def person(rng: np.random.Generator, model: PersonModel) -> VirtualParticipant:
         return value * (1.0 + model.spread * float(np.clip(rng.normal(), -2, 2)))
 
     # By themselves, so that a further number changes nobody's others.
-    more = np.clip(rng.spawn(1)[0].normal(size=3), -2, 2)
-    factors = (1.0 + model.spread * more).tolist()
+    factors = (1.0 + model.spread * np.clip(rng.spawn(1)[0].normal(size=3), -2, 2)).tolist()
     flexion, extension, ulnar, radial = (about(x) for x in model.range_deg)
-    delay_s, reaction_s = about(model.delay_s), about(model.reaction_s)
-    submovement_s, every_s = about(model.submovement_s), about(model.every_s)
-    pace, noise = about(1.0), about(model.noise)
-    one = replace(
+    fe_deg_s, ru_deg_s = model.comfortable_deg_s
+    one = replace(  # draws in the order of these lines
         model,
-        delay_s=delay_s,
-        reaction_s=reaction_s,
-        submovement_s=submovement_s,
-        every_s=every_s,
-        noise=noise,
+        delay_s=about(model.delay_s),
+        reaction_s=about(model.reaction_s),
+        submovement_s=about(model.submovement_s),
+        every_s=about(model.every_s),
+        comfortable_deg_s=((pace := about(1.0)) * fe_deg_s, pace * ru_deg_s),
+        noise=about(model.noise),
         learn=(about(model.learn[0]), about(model.learn[1])),
         stiffness_Nm_rad=about(model.stiffness_Nm_rad),
         damping_ratio=about(model.damping_ratio),
         effort_Nm=about(model.effort_Nm),
         range_deg=(flexion, extension, ulnar, radial),
         inertia_kgm2=about(model.inertia_kgm2),
-        comfortable_deg_s=(pace * model.comfortable_deg_s[0], pace * model.comfortable_deg_s[1]),
         bits_s=model.bits_s * factors[0],
         torque_noise=model.torque_noise * factors[1],
         contracted_Nm_rad=model.contracted_Nm_rad * factors[2],

@@ -39,7 +39,7 @@ def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedE
     n, mean = len(found), float(np.mean(found))
     sd = unit * float(np.std(found / unit, ddof=1))
     if sd <= ROUNDING * scale:
-        raise NoStatisticError("All differences are equal.", "They have no standard deviation.")
+        raise NoStatisticError("All differences are equal: no standard deviation.", "Check them.")
     statistic = mean / sd * math.sqrt(n)
     half = float(t.isf(TAIL, n - 1)) * sd / math.sqrt(n)
     return PairedEffect(

@@ -47,7 +47,8 @@ def cells(line: TableLine) -> list[str]:
     if line.effect_low is not None:
         effect = f"{number(line.effect_low)} to {number(line.effect_high)}"
     published = f"{number(line.published[0])} / {number(line.published[1])}"
-    head = [line.metric, line.unit, str(line.n), number(line.first), number(line.second)]
+    people = f"{line.n}, {line.zeros} equal" if line.zeros else str(line.n)
+    head = [line.metric, line.unit, people, number(line.first), number(line.second)]
     tests = [number(line.p), number(line.p_holm), number(line.effect), effect]
     return [*head, *tests, published, number(line.published_p)]
 
@@ -72,8 +73,8 @@ def page(result: WristResult) -> str:
         drawn = svg(distributions(result, title), f"t{k}", f"Each participant, {title}")
         parts.append(f"<figure>{drawn}</figure>")
     parts.append(
-        "<p>Medians. Two-sided Wilcoxon signed-rank test, exact; zero differences dropped; Holm's "
-        "correction over each table; effect: rank-biserial correlation with its score interval.</p>"
+        "<p>Medians. Two-sided Wilcoxon signed-rank test, exact up to 50 people; zero differences "
+        "dropped; Holm over each table; effect: rank-biserial correlation, score interval.</p>"
     )
     return plain_page("Wrist study", "\n".join(parts))
 
