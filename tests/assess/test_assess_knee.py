@@ -649,6 +649,10 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
             torque = stiff * np.exp(rng.normal(0, 0.05)) * (angle - 1)
             path = csv_of(tmp_path / name / f"{k}.csv", time_s=t, angle_rad=angle, torque_Nm=torque)
             path.write_text("# height_m=1.6 mass_kg=60\n" + path.read_text())
+            with pytest.raises(
+                UserError, match=r"1.6 by the file, 1.7 here.  *Give --height-m 1.6"
+            ):
+                read_recording(path)
     data = from_recordings(tmp_path)
     assert set(data.categories) == {"stiff", "soft"}
     assert data.reference is None

@@ -325,8 +325,7 @@ def converse(desk: ClinicDesk, lines: TextIO, say: Callable[[str], None]) -> Non
     for line in HELP + help_:
         say(line)
     while True:
-        say("")
-        say(describe(desk.proposed))
+        say(f"\n{describe(desk.proposed)}")
         typed = lines.readline()
         if not typed or typed.strip() in ("done", "quit", "q"):
             break

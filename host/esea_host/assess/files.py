@@ -132,6 +132,10 @@ def read_recording(
             f"{path}: {torque} goes to {most:.3g} Nm, too much for hands ({STRONGEST_NM:.0f} Nm).",
             "Check its unit.",
         )
+    for name, value in _body(path).items():
+        if (taken := {"height_m": height_m, "mass_kg": mass_kg}[name]) != value:
+            fix = f"Give --{name.replace('_', '-')} {value:g}, or correct the file."
+            raise UserError(f"{path}: {name} is {value:g} by the file, {taken:g} here.", fix)
     leg = time_s, angle, found[torque], height_m, mass_kg
     return LegRecording(*leg, read=table.read, simulated=table.simulated)
 
@@ -142,8 +146,7 @@ def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) 
     found = [p for p in folder.glob("*/*") if p.suffix.lower() in KINDS] if folder.is_dir() else []
     refuse_copies(found)
     for path in sorted(found):
-        size = _body(path)
-        leg = read_recording(path, *size)
+        leg = read_recording(path, **_body(path))
         people.append((path.parent.name, passage(leg)))
         if leg.read:
             told(leg.read)
@@ -163,7 +166,7 @@ def from_recordings(folder: Path, told: Callable[[str], None] = lambda _: None) 
     return ResponseDataBase.of(answered(people, grid), grid, provenance, reference)
 
 
-def _body(path: Path) -> tuple[float, float]:
+def _body(path: Path) -> dict[str, float]:
     if path.suffix == ".mcap":
         with open_log(path) as log:
             notes = [str(e.get("text", "")) for e in log.events("note")]
@@ -174,7 +177,6 @@ def _body(path: Path) -> tuple[float, float]:
         first = start if start.startswith("#") else ""
     found = dict(x.split("=", 1) for x in first.lstrip("# ").split() if "=" in x)
     try:
-        height = float(found.get("height_m", MEAN_HEIGHT_M))
-        return height, float(found.get("mass_kg", MEAN_MASS_KG))
+        return {name: float(found[name]) for name in ("height_m", "mass_kg") if name in found}
     except ValueError as error:
         raise UserError(f"{path}: body size: {error}.", "Write height_m=1.7 mass_kg=70.") from error

@@ -192,8 +192,8 @@ def motion_range(recording: responses.LegRecording, bins: int = 40) -> MotionRan
     p = responses.passage(recording)
     # Torque at its own time again: a passage pairs it with where the leg was 60 ms before.
     late = round(responses.LATENCY_S / float(p.time_s[1] - p.time_s[0]))
-    n = len(p.time_s) - late
-    response = body_size(recording.height_m, recording.mass_kg) * p.response_Nm[:n]
+    size = body_size(recording.height_m, recording.mass_kg)
+    response = size * p.response_Nm[: len(p.time_s) - late]
     time_s, angle, rate = p.time_s[late:], p.angle_rad[late:], p.rate_rad_s[late:]
     low, high = (float(x) for x in np.quantile(angle, [0.002, 0.998]))
     span = high - low

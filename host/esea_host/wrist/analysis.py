@@ -237,8 +237,7 @@ def _line(w: TableComparison, values: Mapping[str, Values]) -> TableLine:
 
 
 def _rms(values: Mapping[str, Values], published: float) -> TableLine:
-    each = [v["rms_error_percent"] for v in values.values()]
-    known = [x for x in each if x is not None]
+    known = [x for v in values.values() if (x := v["rms_error_percent"]) is not None]
     return TableLine(
         "RMS speed error of the peak",
         "%",
