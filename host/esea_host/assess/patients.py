@@ -105,10 +105,6 @@ class KneePatient:
     contracture_rad: float = 0.0
     tremor_Nm: float = 0.0
 
-    @property
-    def size(self) -> float:
-        return body_size(self.height_m, self.mass_kg)
-
 
 def body_size(height_m: float, mass_kg: float) -> float:
     """Body size against the mean one: torques of muscles go with height times mass."""
@@ -261,7 +257,7 @@ class Knees:
         length = LEG_LENGTH * c["height_m"]
         self.inertia = mass * (LEG_RADIUS * length) ** 2
         self.weight = mass * GRAVITY_M_S2 * LEG_CENTRE * length
-        self.size = np.array([p.size for p in patients])
+        self.size = np.array([body_size(p.height_m, p.mass_kg) for p in patients])
         self.pull_Nm = PULL_N * np.asarray(shank_length_m(c["height_m"]))
 
     def reflex_Nm(self, angle: Array, rate: Array) -> Array:

@@ -47,7 +47,7 @@ class Sensitivity:
 class ElementComparison(StatisticResult):
     """One metric of one task.
 
-    values: shape (people, 2), spring and elastomer.  device: signed ranks of spring minus
+    values: of people, shape (people, 2): spring, elastomer.  device: signed ranks of spring minus
     elastomer; block: of the first block minus the second.  device_holm, block_holm: over all
     metrics and tasks.  medians: by element and block; thesis_medians in the thesis' convention.
     family_power: at the first step of Holm's procedure.
@@ -56,6 +56,7 @@ class ElementComparison(StatisticResult):
     task: str
     metric: str
     made: SmoothnessResult
+    people: tuple[str, ...]
     values: Array
     medians: dict[str, float]
     thesis_medians: dict[str, float]
@@ -181,6 +182,7 @@ def _compare(
         task.task,
         metric.name,
         made,
+        task.people,
         values,
         _medians(sides),
         _medians(_sides(as_published, task.groups)),
