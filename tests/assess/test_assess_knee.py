@@ -230,6 +230,8 @@ def test_damped_pendulum_in_closed_form(zeta, hertz, held_s):
     fastest = 65 * w * math.exp(-zeta / root * at) * math.sin(at) / root
     assert r.peak_rate_rad_s / DEG == pytest.approx(fastest, rel=0.02)
     assert "Relaxation index" in r.sentences()[1]
+    lifted = np.clip((t - 12) * 20, 0, 40)  # at the end: index 2.6, with damping below 0
+    assert not pendulum_test(t, (5 + held + 65 * (1 - shape) - lifted) * DEG).reached_rest
 
 
 def test_a_pendulum_test_that_is_none_is_refused():

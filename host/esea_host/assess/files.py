@@ -98,12 +98,12 @@ def angle_columns(path: Path) -> tuple[Array, Array, LegTable]:
     """Time and knee angle (flexion from full extension) of a recording, and all its columns."""
     table = read_columns(path)
     found = table.columns
-    name = next((n for n in ANGLES if n in found), None)
-    if name is None or "time_s" not in found:
+    if len(names := [n for n in ANGLES if n in found]) != 1 or "time_s" not in found:
         raise UserError(
             f"{path}: columns {', '.join(found)}.",
-            "Needs time_s and angle_rad or angle_deg (bending from the straight knee).",
+            "Needs time_s, and either angle_rad or angle_deg (bending from the straight knee).",
         )
+    name = names[0]
     angle = found[name] * ANGLES[name]
     most = float(np.max(np.abs(angle), initial=0.0))
     if most > np.pi:
@@ -120,12 +120,12 @@ def read_recording(
     """A moved leg: time_s, angle_rad or angle_deg, torque_Nm or tau_Nm; a table or MCAP file."""
     time_s, angle, table = angle_columns(path)
     found = table.columns
-    torque = next((n for n in TORQUES if n in found), None)
-    if torque is None:
+    if len(torques := [n for n in TORQUES if n in found]) != 1:
         raise UserError(
-            f"{path}: no torque among {', '.join(found)}.",
+            f"{path}: {len(torques) or 'no'} torques among {', '.join(found)}.",
             "Needs torque_Nm, of the hands on the leg, positive towards bending.",
         )
+    torque = torques[0]
     most = float(np.max(np.abs(found[torque]), initial=0.0))
     if most > STRONGEST_NM:
         raise UserError(

@@ -24,6 +24,7 @@ REST_S = 0.5  # the end, over which the leg must be at rest
 REST_RAD, REST_rad_s = 3 * DEG, 12 * DEG
 LEAST_SWING_RAD = 2 * DEG  # smaller ones do not count
 HEALTHY_INDEX = 1.6
+MOST_INDEX = 2.2  # 2 without loss, and room for uneven stiffness; above, it was held at the end
 # Gravity alone accelerates a leg by 19 rad/s2 (2.3 m tall) or more; simulated legs that fall
 # pass both numbers, but for the most rigid ones.
 FALLING_rad_s, FALLING_rad_s2, FALLING_OVER_S = 90 * DEG, 9.0, 0.1
@@ -58,7 +59,7 @@ class PendulumResult:
                 f"{self.frequency_Hz:.2f} swings a second."
             )
         if not self.reached_rest:
-            out.append("The leg was still moving at the end: the resting angle is uncertain.")
+            out.append("The leg was still moving or held at the end: its rest is uncertain.")
         return out
 
 
@@ -119,9 +120,8 @@ def pendulum_test(time_s: Array, angle_rad: Array) -> PendulumResult:
     first = (float(smooth[extremes[0]]) if len(extremes) else rest) - start
     damping, frequency = _decay(even[extremes], smooth[extremes] - rest)
     index, swings = first / (rest - start), (len(extremes) + 1) // 2
-    return PendulumResult(
-        start, rest, first, index, damping, frequency, swings, fastest, bool(reached)
-    )
+    free_rest = bool(reached and index < MOST_INDEX)
+    return PendulumResult(start, rest, first, index, damping, frequency, swings, fastest, free_rest)
 
 
 def _extremes(smooth: Array) -> Array:
