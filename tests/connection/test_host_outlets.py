@@ -174,13 +174,14 @@ def test_foxglove_gets_the_recordings_own_messages(monkeypatch):
         )[1],
     )
     monkeypatch.setitem(sys.modules, "foxglove", library)
-    outlet = FoxgloveOutlet(0)
+    outlet = FoxgloveOutlet(0, simulated=True)
     assert outlet.said == "Foxglove: ws://127.0.0.1:1234"
     outlet.put(batch(100))
     outlet.put(batch(103))
     outlet.close()
     ((topic, told),) = made
     assert topic == "/sense_out"
+    assert told["metadata"]["simulated"] == "1"
     assert told["schema"] == {
         "name": "esea.sense_out", "encoding": "protobuf", "data": LAYOUT.descriptor()
     }  # fmt: skip
@@ -208,16 +209,24 @@ def test_lsl_gets_numbers_by_name_with_the_boards_time(monkeypatch):
         StreamOutlet=lambda _: types.SimpleNamespace(
             push_sample=lambda r, t: pushed.append((r, t))
         ),
-        local_clock=iter([10.0, 10.5]).__next__,
+        local_clock=iter([10.0, 10.5, 21.0, 32.0]).__next__,
     )
     monkeypatch.setitem(sys.modules, "pylsl", library)
-    outlet = LslOutlet("elbow_drive", {"sense_out": 1000.0})
+    outlet = LslOutlet("elbow_drive", {"sense_out": 1000.0}, simulated=True)
     outlet.put(batch(100))
     outlet.put(batch(103))
     assert infos == [
         ("elbow_drive sense_out", "Mocap", 1, 1000.0, "double64", "elbow_drive sense_out")
     ]
-    assert labels == [("label", "tau_Nm"), ("unit", "Nm")]
+    assert labels == [("simulated", "1"), ("label", "tau_Nm"), ("unit", "Nm")]
     assert [r for r, _ in pushed] == [[50.0], [50.5], [51.0], [51.5], [52.0], [52.5]]
     # The second batch came late: the first one's arrival counts, and steps are the board's.
     assert [t for _, t in pushed] == pytest.approx(10.0 + 0.001 * np.arange(-2, 4))
+    outlet.put(batch(10_097))
+    outlet.put(batch(20_094))
+    assert pushed[-1][1] == pytest.approx(30.997)  # drift: not the first arrival
+
+
+def test_the_rate_of_a_stream_is_as_the_board_rounds_it(device):
+    device.listen(["sense_out", "control_out"], 150)
+    assert device.rates_Hz == {"sense_out": pytest.approx(1e3 / 6), "control_out": 100}

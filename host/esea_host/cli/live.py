@@ -39,7 +39,7 @@ from esea_host.cli.options import (
 )
 from esea_host.connection import ConnectedDevice, Subscription, open_device
 from esea_host.connection.address import driven_by
-from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet, Outlet
+from esea_host.connection.outlets import FoxgloveOutlet, LslOutlet
 from esea_host.connection.receiver import KEY
 from esea_host.windows.meanings import NO_ZERO, fault_text, lacks_zero
 
@@ -215,16 +215,12 @@ def bridge(
     if foxglove is None and not lsl:
         raise UserError("No destination is given.", "Add --foxglove PORT, --lsl, or both.")
     with open_device(address, device, key) as board:
-        names = [s for s in stream or board.streams if s != KEY]
-        told = board.listen(names, rate)
-        system = board.identity.device.system
-        own_Hz = {t.name: 1 / (t.every * system.base_period_s) for t in system.tasks}
-        rates_Hz = {n: min(own_Hz[n.rpartition("_")[0]], rate or 1e9) for n in told}
-        outlets: list[Outlet] = []
+        told = board.listen([s for s in stream or board.streams if s != KEY], rate)
+        outlets: list[FoxgloveOutlet | LslOutlet] = []
         if foxglove is not None:
-            outlets.append(FoxgloveOutlet(foxglove))
+            outlets.append(FoxgloveOutlet(foxglove, board.simulated))
         if lsl:
-            outlets.append(LslOutlet(board.identity.device.name, rates_Hz))
+            outlets.append(LslOutlet(board.identity.device.name, board.rates_Hz, board.simulated))
         queue = board.subscribe(told)
         for outlet in outlets:
             out.print(outlet.said)

@@ -97,6 +97,7 @@ class ConnectedDevice:
         self.most_away_s = MOST_AWAY_S
         self._start = identity.start
         self._told: dict[str, float] = {}
+        self.rates_Hz: dict[str, float] = {}  # of the streams asked for, as the board rounds them
         self._ids = {c.msgname: n for n, c in dialect.mavlink_map.items()}
         self._recordings: list[LiveRecording] = []
         self._beats = dialect.MAVLink(None, 255, 191)
@@ -273,7 +274,8 @@ class ConnectedDevice:
             if stream != KEY:
                 every = system.task(stream.rpartition("_")[0]).every
                 runs = -(int(interval_us) // self.identity.tick_us // -every)
-                self.receiver.clock.expect(stream, max(1, runs) * every)
+                self.receiver.clock.expect(stream, ticks := max(1, runs) * every)
+                self.rates_Hz[stream] = 1e6 / (ticks * self.identity.tick_us)
             self._told[message] = interval_us
         return chosen
 

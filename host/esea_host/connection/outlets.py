@@ -17,6 +17,8 @@ from esea_host.connection.decoder import TICK
 from esea_host.connection.receiver import Batch
 from esea_host.recording.layout import PACKAGE, StreamLayout
 
+QUICKEST_S = 10.0  # a quickest arrival counts this long, and once more
+
 
 def _library(module: str, package: str) -> Any:
     try:
@@ -28,8 +30,9 @@ def _library(module: str, package: str) -> Any:
 class FoxgloveOutlet:
     """A WebSocket server for Foxglove and Lichtblick: the recording's own messages, live."""
 
-    def __init__(self, port: int = 8765, host: str = "127.0.0.1") -> None:
+    def __init__(self, port: int = 8765, simulated: bool = False) -> None:
         self._foxglove = _library("foxglove", "foxglove-sdk")
+        host, self._marks = "127.0.0.1", {"simulated": "1"} if simulated else {}
         try:
             self._server = self._foxglove.start_server(name="esea-host", host=host, port=port)
         except (OSError, RuntimeError) as error:
@@ -44,11 +47,9 @@ class FoxgloveOutlet:
             schema = self._foxglove.Schema(
                 name=f"{PACKAGE}.{layout.name}", encoding="protobuf", data=layout.descriptor()
             )
+            told = {"units": json.dumps(layout.units)} | self._marks
             self._channels[layout.name] = self._foxglove.Channel(
-                f"/{layout.name}",
-                schema=schema,
-                message_encoding="protobuf",
-                metadata={"units": json.dumps(layout.units)},
+                f"/{layout.name}", schema=schema, message_encoding="protobuf", metadata=told
             )
         return self._channels[layout.name]
 
@@ -66,14 +67,14 @@ class FoxgloveOutlet:
 class LslOutlet:
     """An outlet of the Lab Streaming Layer for each stream: its numbers, by name and unit.
 
-    Samples are stamped by the board's clock, put onto LSL's by the quickest arrival so far.
+    Samples are stamped by the board's clock, put onto LSL's by the quickest recent arrival.
     """
 
-    def __init__(self, device: str, rates_Hz: dict[str, float]) -> None:
+    def __init__(self, device: str, rates_Hz: dict[str, float], simulated: bool = False) -> None:
         self._lsl = _library("pylsl", "pylsl")
-        self._device, self._rates = device, rates_Hz
+        self._device, self._rates, self._simulated = device, rates_Hz, simulated
         self._outlets: dict[str, tuple[Any, list[str]]] = {}
-        self._ahead_s = math.inf
+        self._ahead_s, self._until_s = [math.inf, math.inf], -math.inf
         self.said = f"LSL: {', '.join(f'{device} {s}' for s in rates_Hz)}"
 
     def _outlet(self, layout: StreamLayout) -> tuple[Any, list[str]]:
@@ -83,6 +84,8 @@ class LslOutlet:
             rate = self._rates.get(layout.name, 0.0)
             # Status words have more bits than a single has.
             info = self._lsl.StreamInfo(name, "Mocap", len(columns), rate, "double64", name)
+            if self._simulated:
+                info.desc().append_child_value("simulated", "1")
             channels = info.desc().append_child("channels")
             for c in columns:
                 one = channels.append_child("channel")
@@ -93,14 +96,13 @@ class LslOutlet:
 
     def put(self, batch: Batch) -> None:
         outlet, names = self._outlet(batch.layout)
-        last_s = float(batch.board_ns[-1]) * 1e-9
-        self._ahead_s = min(self._ahead_s, float(self._lsl.local_clock()) - last_s)
+        now_s, last_s = float(self._lsl.local_clock()), float(batch.board_ns[-1]) * 1e-9
+        if now_s >= self._until_s:  # the clocks drift apart
+            self._ahead_s, self._until_s = [self._ahead_s[1], math.inf], now_s + QUICKEST_S
+        self._ahead_s[1] = min(self._ahead_s[1], now_s - last_s)
         rows = np.column_stack([batch.rows[n].astype(np.float64) for n in names])
         for row, ns in zip(rows.tolist(), batch.board_ns.tolist(), strict=True):
-            outlet.push_sample(row, ns * 1e-9 + self._ahead_s)
+            outlet.push_sample(row, ns * 1e-9 + min(self._ahead_s))
 
     def close(self) -> None:
         self._outlets.clear()
-
-
-Outlet = FoxgloveOutlet | LslOutlet
