@@ -71,6 +71,7 @@ def test_a_session_is_recorded_whole_and_repeats_to_the_bit(drive, device, tmp_p
     table = first["sense_out"]
     # The clock starts again with zeroing: two stretches without a hole, and time goes on.
     assert [p.tick[[0, -1]].tolist() for p in table.pieces()] == [[0, 99], [0, 1409]]
+    assert len([*first["key"].pieces()]) == 1  # though a tick has several rows
     assert np.allclose(np.diff(table.time_s), 1e-3)
     assert len(first["control_out"]) == pytest.approx(len(table) / 5, abs=1)
     assert np.ptp(table["tau_Nm"][-1000:]) > 1.0  # it pulls

@@ -179,7 +179,7 @@ def _write_motion(log: Log, table: Table, task: str, track: str, names: Sequence
 
 def longest(table: Table) -> Table:
     """The longest run of the board, in one piece; refused when a gap is in it."""
-    starts = np.flatnonzero(np.diff(table.tick.astype(np.int64)) <= 0) + 1
+    starts = np.flatnonzero(np.diff(table.tick.astype(np.int64)) < 0) + 1
     first, end = max(pairwise([0, *starts, len(table)]), key=lambda p: p[1] - p[0])
     if end == 0:
         raise UserError(f"{table.layout.name} has no rows.", "Record for longer.")

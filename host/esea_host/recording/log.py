@@ -135,13 +135,13 @@ class Table:
             raise GapError(f"{what} from {start_s:g} to {end_s:g} s: {holes[0]}.", tuple(holes))
         part = self.tick[first:last].astype(np.int64)
         if len(part) > 2 and np.ptp(np.diff(part)) != 0:
-            what = "is uneven" if np.diff(part).min() > 0 else "starts again, as after a reset"
+            what = "is uneven" if np.diff(part).min() >= 0 else "starts again, as after a reset"
             raise GapError(f"From {start_s:g} to {end_s:g} s the board's clock {what}.", ())
         return self._cut(int(first), int(last))
 
     def pieces(self) -> Iterator[Table]:
         """The stretches between the holes, and between new starts of the board's clock."""
-        starts = np.flatnonzero(np.diff(self.tick.astype(np.int64)) <= 0) + 1
+        starts = np.flatnonzero(np.diff(self.tick.astype(np.int64)) < 0) + 1
         cuts = sorted({0, len(self), *(row for row, _ in self.holes()), *starts.tolist()})
         for first, last in pairwise(cuts):
             yield self._cut(first, last)
