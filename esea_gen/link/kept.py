@@ -144,7 +144,7 @@ def _name(session: Session, axis: int, serial: int, denied: str) -> None:
     session.send(session.message("ESEA_LIFE", serial, 0, 0, 0.0, 0.0, none, axis, 0, 0, 0))
     result = session.wait_for("ESEA_LIFE").result
     if result == dialect.MAV_RESULT_DENIED:
-        raise LinkError(denied, "Forget one that is no longer used.")
+        raise LinkError(denied, "Give its axis another number first, or forget one in store.")
     if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
         raise LinkError("the board accepts no coupling in this state", "Switch the motor off.")
     if result != dialect.MAV_RESULT_ACCEPTED:

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from esea_gen import load_device
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import Device
 from esea_gen.devices.fields import Fatigue
@@ -314,3 +315,16 @@ def test_the_command_tells_and_warns(board, elbow, monkeypatch, tmp_path):
     assert "2 serial numbers for 1 couplings" in str(
         run(known, "--coupling", "1", "--coupling", "2").exception
     )
+
+
+def test_a_coupling_can_move_to_the_axis_of_another(monkeypatch):
+    device = load_device("wrist")
+    stand_in = SimpleNamespace(session=SimBoard(device), simulated=True)
+    stand_in.identity = SimpleNamespace(device=device)
+    monkeypatch.setattr(commands, "open_device", lambda *_: nullcontext(stand_in))
+    for serials in (("11", "12"), ("12", "13")):
+        asked = [word for s in serials for word in ("--coupling", s)]
+        assert not CliRunner().invoke(app, ["life", "sim:wrist", *asked]).exception
+    assert [x.serial for x in coupling_lives(stand_in.session)] == [12, 13, 11]
+    error = CliRunner().invoke(app, ["life", "sim:wrist", "--forget", "12"]).exception
+    assert "another number first" in error.fix

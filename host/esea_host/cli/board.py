@@ -156,7 +156,8 @@ def life(
                 f"{len(coupling)} serial numbers for {axes} couplings.",
                 "Give --coupling once for each axis.",
             )
-        for axis, serial in enumerate(coupling or ()):
+        fitted = {x.serial for x in lives if x.axis is not None}
+        for axis, serial in sorted(enumerate(coupling or ()), key=lambda pair: pair[1] in fitted):
             name_coupling(board.session, axis, serial)
         if forget is not None:
             forget_coupling(board.session, forget)
@@ -168,8 +169,7 @@ def life(
         _show(known, one)
     if not lives:
         out.print("The device has no coupling with a load count.")
-    rows = [_row(known, one) for one in lives]
-    curve = known.file.fatigue
+    rows, curve = [_row(known, one) for one in lives], known.file.fatigue
     told = None if curve is None else curve.model_dump()
     content = {"device": known.name, "simulated": simulated, "fatigue": told, "couplings": rows}
     write_json(json_file, "host-life", content)
