@@ -238,7 +238,7 @@ def simulate(
     from esea_gen.twin.case import Setting
     from esea_gen.twin.off import chosen_families
 
-    few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases()) <= FEW_RUNS
+    few = jobs == -1 and runs * len(load_study(study, ClosedLoopStudy).cases_run()) <= FEW_RUNS
     (real,) = chosen_formats([real], FORMATS)
     who = person or default_person(study, plant)
     laws = list(dict.fromkeys(controller or [BEST_CONTROLLER]))

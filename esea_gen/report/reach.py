@@ -9,7 +9,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.report.findings import Findings, Say
-from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.case import Case, Scale, Setting
 from esea_gen.twin.controllers import largest_torque_Nm
 from esea_gen.twin.judge import ENDED, ROUGHNESS, judge, rough_cells
 from esea_gen.twin.loop_run import RanAwayError
@@ -40,7 +40,7 @@ def tried(device: Device, controller: str, plant: str, say: Say) -> tuple[dict[s
             except RanAwayError:
                 found.append(point | {"followed": False})
                 continue
-            figures = judge(case, run, largest_torque_Nm(device))
+            figures = judge(case, run, largest_torque_Nm(device), Scale.of(device).torque)
             small = figures["rms_true_Nm"] <= FOLLOWED * share * full / np.sqrt(2)
             followed = bool(small and not any(figures[k] for k in ENDED))
             found.append(point | {k: figures[k] for k in FIGURES} | {"followed": followed})

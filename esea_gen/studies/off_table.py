@@ -16,11 +16,12 @@ from esea_gen.analysis.plots import COLOURS, new_figure, styled
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK
 from esea_gen.studies.simulation import Simulation, csv_lines, simulate
-from esea_gen.twin.case import Setting
+from esea_gen.twin.case import Scale, Setting
+from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.judge import ROUGH_HEADS, ROUGHNESS, rough_cells
 from esea_gen.twin.off import off_families
 
-SWINGING_NM = 0.15  # RMS of the true error above 4 Hz from which a run counts as swinging
+SWINGING_NM = 0.15  # RMS of the elbow's true error above 4 Hz from which a run counts as swinging
 ENDINGS = {k: k for k in ("unstable", "swinging", "tripped")}
 ENDINGS |= {"fault": "latched", "failed": "failed"}
 MEDIANS = ("rms_true_Nm", "rms_above_4Hz_Nm", *ROUGHNESS)
@@ -33,6 +34,10 @@ def _by_seed(entries: Sequence[dict[str, Any]], key: str) -> list[float]:
         if e.get(key) is not None:
             seeds.setdefault(e["seed"], []).append(e[key])
     return [float(np.mean(v)) for v in seeds.values()]
+
+
+def _swings_Nm(done: Simulation) -> float:
+    return SWINGING_NM * Scale.of(controller_device(done.setting.controller)).torque
 
 
 def _row(done: Simulation) -> dict[str, Any]:
@@ -50,7 +55,7 @@ def _row(done: Simulation) -> dict[str, Any]:
         row[key] = float(np.median(values)) if values else None
         row[f"{key}_worst"] = max(values) if values else None
     row |= {k: sum(bool(e.get(k)) for e in entries) for k in ("unstable", "tripped", "fault")}
-    row["swinging"] = sum((e.get("rms_above_4Hz_Nm") or 0) > SWINGING_NM for e in entries)
+    row["swinging"] = sum((e.get("rms_above_4Hz_Nm") or 0) > _swings_Nm(done) for e in entries)
     row["failed"] = sum("failure" in e for e in entries)
     return row
 
@@ -115,11 +120,11 @@ class OffTable:
         return lines
 
     def figure(self) -> Figure:
-        return _drawn(self.rows())
+        return _drawn(self.rows(), {_swings_Nm(d) for d in self.done})
 
 
 @styled
-def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
+def _drawn(rows: Sequence[dict[str, Any]], swings_Nm: set[float]) -> Figure:
     names = list(dict.fromkeys(r["off"] for r in rows))
     controllers = list(dict.fromkeys(r["controller"] for r in rows))
     high, tall = 0.8 / len(controllers), 0.09 * len(names) * (1 + len(controllers))
@@ -142,8 +147,9 @@ def _drawn(rows: Sequence[dict[str, Any]]) -> Figure:
         axes.grid(visible=False, axis="y")
     left.set_xlabel("RMS true error, N·m")
     right.set_xlabel("of it above 4 Hz, N·m")
-    right.axvline(SWINGING_NM, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
-    for axes, least in ((left, 0.1), (right, 1.1 * SWINGING_NM)):
+    for x in swings_Nm:
+        right.axvline(x, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+    for axes, least in ((left, 0.1), (right, 1.1 * max(swings_Nm))):
         axes.set_xlim(0, max(least, axes.get_xlim()[1]))
     left.set_yticks(range(len(names)), names)
     left.set_ylim(len(names) - 0.4, -0.6)

@@ -76,7 +76,9 @@ class ClosedLoopStudy(Study):
         return made
 
     def cases_run(self) -> list[Case]:
-        cases = self.cases()
+        cases = list(self.cases())
+        if not cases:
+            raise UserError(f"study {self.name}: cases() gives 0.", "Let it give one or more.")
         return cases if self.scale == Scale() else [c.scaled(self.scale) for c in cases]
 
     def case(self, name: str) -> Case:
@@ -85,7 +87,7 @@ class ClosedLoopStudy(Study):
         return known[name]
 
     def measure(self, case: Case, run: ClosedLoopRun, device: Device) -> dict[str, float]:
-        return judge(case, run, largest_torque_Nm(device))
+        return judge(case, run, largest_torque_Nm(device), Scale.of(device).torque)
 
     def keep(self, case: Case, run: ClosedLoopRun) -> Any:
         return run
@@ -374,8 +376,11 @@ def simulate(
         s = replace(s, fault=str(parse_fault(s.fault)))
     # Compile once, before the workers would each do it.
     loop = compiled_loop(device, s.plant != "ideal", s.real)
-    known = {without_axis(n, device.axes[0]) for n in tunable_places(loop.plant)}
-    refuse_unknown(s.off, deviation(s.off, device, seed), known)
+    places = tunable_places(loop.plant)
+    known = dict.fromkeys((*(without_axis(n, device.axes[0]) for n in places), *places))
+    refuse_unknown(f"--off {s.off}", deviation(s.off, device, seed).values, known)
+    for case in chosen.cases_run():
+        refuse_unknown(f"case {case.name}", case.plant, known)
     parts = {
         "controller": s.controller,
         "controller_hash": device_hash(device),
@@ -398,7 +403,7 @@ def simulate(
 
 def _check_time(study: ClosedLoopStudy, text: str) -> None:
     at_s = parse_fault(text).at_s
-    end_s = min(len(c.trajectory.tau_desired_Nm) for c in study.cases()) / RATE_HZ
+    end_s = min(len(c.trajectory.tau_desired_Nm) for c in study.cases_run()) / RATE_HZ
     if not FAULT_FROM_S <= at_s < end_s:
         raise UserError(
             f"'{text}': {at_s:g} s is outside {FAULT_FROM_S:g} to {end_s:g} s: the controller is "

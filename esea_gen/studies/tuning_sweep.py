@@ -26,9 +26,10 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain
 from esea_gen.language.ports import Array, Tunable
+from esea_gen.model.sensing import of_axis
 from esea_gen.plotting import INK, MEASURED, MODEL, ROUNDING
 from esea_gen.studies.tracking import TuningCase
-from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.case import Case, Scale, Setting
 from esea_gen.twin.controllers import controller_device, controller_system, largest_torque_Nm
 from esea_gen.twin.judge import ENDED, ROUGH_HEADS, ROUGHNESS, judge, rough_cells
 from esea_gen.twin.loop_run import ClosedLoopRun
@@ -85,15 +86,18 @@ def run_trial(
 ) -> dict[str, float]:
     """Run and judge one value, in a worker."""
     # Gains that swing are to be seen doing it, not softened.
-    unsoftened = {SOFTENING: 0.0} if SOFTENING in tunables_of(controller) else {}
+    known, softening, phi = tunables_of(controller), *moved(controller, SOFTENING, PHI)
+    unsoftened = {softening: 0.0} if softening in known else {}
     tunables: dict[str, dict[str, float]] = {}
-    for name, x in {**unsoftened, **held, parameter: value}.items():
+    settings = {**unsoftened, **held, parameter: value}
+    for name, x in settings.items():
         instance, _, key = name.partition(".")
         tunables.setdefault(instance, {})[key] = x
     device = controller_device(controller)
     case = tuning_case(controller)
     run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
-    figures = judge(case, run, largest_torque_Nm(device))
+    u_max_Nm = settings.get(*moved(controller, "limits.u_max_Nm"), largest_torque_Nm(device))
+    figures = judge(case, run, u_max_Nm, Scale.of(device).torque)
     over, reach = extremes(case, run)
     out = {
         "value": value,
@@ -104,14 +108,20 @@ def run_trial(
     } | {k: figures[k] for k in (*ROUGHNESS, *ENDED)}
     if "surface_rad_s" in run.controller:
         s = np.abs(run.controller["surface_rad_s"][case.trajectory.window])
-        phi = tunables.get("smc", {}).get("phi_rad_s", tunables_of(controller)[PHI].default)
-        out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(s > phi))}
+        outside = s > settings.get(phi, known[phi].default)
+        out |= {"surface_rad_s": float(s.max()), "outside_share": float(np.mean(outside))}
     return out
 
 
 def tuning_case(controller: str) -> Case:
     (case,) = TuningCase().of(controller_device(controller)).cases_run()
     return case
+
+
+def moved(controller: str, *names: str) -> list[str]:
+    """Names of tunables, of the axis that is moved where there are several."""
+    axis, parts = controller_device(controller).axes[0], [n.partition(".") for n in names]
+    return [f"{of_axis(instance, axis)}.{key}" for instance, _, key in parts]
 
 
 def tunables_of(controller: str) -> dict[str, Tunable]:
@@ -203,6 +213,8 @@ HOMES = {
     "human.decay_s": ("disturbance", "decay_s"),
     "motor_rate.cutoff_Hz": ("joint", "motor_velocity_Hz"),
     "load_rate.cutoff_Hz": ("joint", "load_velocity_Hz"),
+    "predictive.Q": ("predictive", "Q"),
+    "predictive.R": ("predictive", "R"),
     "set_rate.cutoff_Hz": ("sliding_mode", "setpoint_filter_Hz"),
     "velocity.bandwidth_Hz": ("velocity", "bandwidth_Hz"),
 }
@@ -278,29 +290,24 @@ class Tuning:
         case = tuning_case(self.controller).name
         source = f"tuned on the virtual exoskeleton, plant {self.plant}, {case}"
         by_section: dict[str, list[str]] = {}
+        homes = dict(zip(moved(self.controller, *HOMES), HOMES.values(), strict=True))
         for s in self.sweeps:
-            if s.chosen is None or s.parameter not in HOMES:
-                continue
-            section, key = HOMES[s.parameter]
-            number = Quantity(value=s.chosen.value, status="assumed", source=source)
-            by_section.setdefault(section, []).append(toml_entry(key, number))
+            if s.chosen is not None and s.parameter in homes:
+                section, key = homes[s.parameter]
+                number = Quantity(value=s.chosen.value, status="assumed", source=source)
+                by_section.setdefault(section, []).append(toml_entry(key, number))
         return [line for name, lines in by_section.items() for line in (f"[{name}]", *lines)]
 
     def table(self) -> list[str]:
         case = tuning_case(self.controller).name
-        lines = [f"Tuning of {self.controller} on plant {self.plant}: {case}, output fixed"]
+        lines = [f"Simulated. {self.controller} tuned on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
             lines += s.table()
         written = self.device_lines()
         if written:
-            lines += ["In the device file:", *written]
-        for s in self.sweeps:
-            if s.chosen is not None and s.parameter not in HOMES:
-                lines.append(
-                    f"{s.parameter} has no key in the device file: set it at run time to "
-                    f"{s.chosen.value:g}."
-                )
-        return lines
+            return [*lines, "In the device file:", *written]
+        chosen = [(s.parameter, s.chosen.value) for s in self.sweeps if s.chosen]
+        return [*lines, *(f"At run time: {name} = {value:g}." for name, value in chosen)]
 
     def figure(self) -> Figure:
         """Error, overshoot and roughness over the parameter that was swept last."""
@@ -363,7 +370,7 @@ def tune(
 ) -> Tuning:
     choose("plant", plant, PLANT_NAMES)
     device = controller_device(controller)
-    known = tunables_of(controller)
+    known, phi_name, slope = tunables_of(controller), *moved(controller, PHI, LAMBDA)
     hashes = {"controller_hash": device_hash(device), "code": rooms_digest()}
     configuration = Configuration(hashes)
 
@@ -375,7 +382,10 @@ def tune(
         ]
         done = run_cases(run_trial, cases, configuration=configuration, **how)
         trials = tuple(trial_of(r) for r in done.results)
-        chosen, reason = (choose_layer if name == PHI else choose_error)(trials)
+        chosen, reason = (choose_layer if name == phi_name else choose_error)(trials)
+        usable = [(t.rms_Nm, t.command_above_20Hz_Nm) for t in trials if not t.unusable]
+        if len(usable) > len(set(usable)) == 1:
+            chosen, reason = None, "it makes no difference in this case"
         return TunableSweep(name, held, trials, chosen, reason)
 
     def made(*sweeps: TunableSweep) -> Tuning:
@@ -385,9 +395,9 @@ def tune(
         return made(sweep(_parameter(controller, parameter), values, {}))
     if values:
         raise UserError("Values are given, but no parameter.", "Name it with --parameter.")
-    if PHI not in known or LAMBDA not in known:
+    if phi_name not in known or slope not in known:
         raise UserError(
-            f"The controller {controller} has no {PHI} and {LAMBDA} to tune.",
+            f"The controller {controller} has no {phi_name} and {slope} to tune.",
             f"Name a --parameter; it has {', '.join(known)}.",
         )
 
@@ -395,10 +405,10 @@ def tune(
         t = known[name]
         return sorted({v for v in (*row, t.default) if t.low <= v <= t.high})
 
-    layer = sweep(PHI, inside(PHI, PHI_VALUES), {})
+    layer = sweep(phi_name, inside(phi_name, PHI_VALUES), {})
     # No layer wide enough: the slope is then tuned with the one in use, and the table says so.
-    phi = layer.chosen.value if layer.chosen else known[PHI].default
-    return made(layer, sweep(LAMBDA, inside(LAMBDA, LAMBDA_VALUES), {PHI: phi}))
+    phi = layer.chosen.value if layer.chosen else known[phi_name].default
+    return made(layer, sweep(slope, inside(slope, LAMBDA_VALUES), {phi_name: phi}))
 
 
 ROWS = (

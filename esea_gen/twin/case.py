@@ -10,6 +10,7 @@ from esea_gen.control.reference import largest_gains
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.devices.file import DeviceData
 from esea_gen.model.mode import Mode
+from esea_gen.twin.people import OF_CABLE, stiffer
 from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = Mode
@@ -28,6 +29,7 @@ class Scale:
     from_rad: float = 0.0  # where a movement begins that is written from 0 on
     rest_rad: float = 0.0  # where a joint stands that is written to stand at 0
     damping: float = 1.0  # as the torque, within what the device may render
+    cable: float = 1.0
 
     @classmethod
     def of(cls, device: DeviceData) -> Scale:
@@ -40,7 +42,7 @@ class Scale:
         rest = min(max(0.0, low), high)
         torque = device.tau_full_scale_Nm / FULL_NM
         damping = min(torque, largest_gains(device)[1] / DAMPING_NMS_RAD)
-        return cls(torque, travel, min(first, last), rest, damping)
+        return cls(torque, travel, min(first, last), rest, damping, stiffer(device))
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,8 @@ class Case:
             of: {k: v * factors.get(k, 1.0) for k, v in given.items()}
             for of, given in self.tunables.items()
         }
-        return replace(self, name=", ".join(words), trajectory=path, tunables=gains)
+        plant = {k: v * (by.cable if k in OF_CABLE else 1) for k, v in self.plant.items()}
+        return replace(self, name=", ".join(words), trajectory=path, tunables=gains, plant=plant)
 
 
 @dataclass(frozen=True)

@@ -53,5 +53,7 @@ def controller_system(controller: str) -> System:
 
 
 def largest_torque_Nm(device: Device) -> float:
-    assert device.file.actuator is not None
-    return device.file.actuator.u_max_Nm.value
+    """Largest motor command that the limits let through."""
+    limits = device.file.safety or device.file.actuator
+    assert limits is not None
+    return limits.u_max_Nm.value

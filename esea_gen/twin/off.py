@@ -17,6 +17,7 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import Array
 from esea_gen.twin.encoders import SIDES
+from esea_gen.twin.parameters import CABLE_KEYS
 from esea_gen.twin.published import PLANTS
 from esea_gen.twin.trajectories import RATE_HZ
 
@@ -202,11 +203,11 @@ def deviation(name: str, device: Device, seed: int) -> Deviation:
     return off_families()[only].draw(device, np.random.default_rng([seed, _DRAWS]))
 
 
-def refuse_unknown(name: str, off: Deviation, known: Collection[str]) -> None:
-    """Reject a family that changes a property missing in the plant."""
-    missing = [k for k in off.values if k not in known]
-    if missing:
-        raise UserError(
-            f"--off {name}: the plant has no {missing[0]}: its cable is rigid.",
-            "Give --plant real or random, or another family.",
-        )
+def refuse_unknown(what: str, values: Collection[str], known: Collection[str]) -> None:
+    """Reject what changes a property missing in the plant."""
+    for key in (k for k in values if k not in known):
+        if key in CABLE_KEYS:
+            rigid, fix = ": its cable is rigid", "Give --plant real or random, or leave it out."
+        else:
+            rigid, fix = "", f"{nearest(key, known)}It has {', '.join(known)}."
+        raise UserError(f"{what}: the plant has no {key}{rigid}.", fix)

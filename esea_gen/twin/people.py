@@ -28,8 +28,8 @@ def random_person(seed: int) -> Person:
 # Of a person, what goes with the limb's inertia; the rest are frequencies and choices.
 _OF_LIMB = [k for k in Person.__annotations__ if k.endswith(("kgm2", "_Nm", "_Nm_rad", "_Nms_rad"))]
 # Of the cable, what goes with its stiffness; the rest are angles, speeds and shares.
-_OF_CABLE = [k for k in CABLE_KEYS if k.startswith("motor_side_")]
-_OF_CABLE += ["cable_stiffness_Nm_rad", "cable_damping_Nms_rad"]
+OF_CABLE = [k for k in CABLE_KEYS if k.startswith("motor_side_")]
+OF_CABLE += ["cable_stiffness_Nm_rad", "cable_damping_Nms_rad"]
 
 
 def limb_of(device: DeviceData, person: Person) -> Person:
@@ -77,8 +77,8 @@ def _bits(device: DeviceData) -> dict[str, float]:
     }
 
 
-def _stiffer(device: DeviceData) -> float:
-    # A device's cable over the elbow's, as its file has it.
+def stiffer(device: DeviceData) -> float:
+    """Stiffness of a device's cable over the elbow's."""
     redundancy = device.file.redundancy
     own = redundancy.cable_Nm_rad.value if redundancy else PLANTS.real.cable_stiffness_Nm_rad
     return float(own / PLANTS.real.cable_stiffness_Nm_rad)
@@ -89,7 +89,7 @@ def real_plant(device: DeviceData, person: str = "uncertain", seed: int = 0) -> 
     r, a = PLANTS.real, device.file.actuator
     assert a is not None
     values = {k: float(getattr(r, k)) for k in CABLE_KEYS} | _bits(device)
-    values |= {k: _stiffer(device) * values[k] for k in _OF_CABLE}
+    values |= {k: stiffer(device) * values[k] for k in OF_CABLE}
     values |= {
         "fv_Nms_rad": r.friction_scale * a.fv_Nms_rad.value,
         "fc_Nm": r.friction_scale * a.fc_Nm.value,
@@ -114,7 +114,7 @@ def random_plant(device: DeviceData, seed: int) -> PlantVariant:
         "fc_Nm": a.fc_Nm.value * rng.uniform(*family.friction_scale),
         "J_kgm2": a.J_kgm2.value * rng.uniform(*family.inertia_scale),
         "tau_c_s": a.tau_c_s.value * rng.uniform(*family.lag_scale),
-        "cable_stiffness_Nm_rad": _stiffer(device) * rng.uniform(*family.cable_stiffness_Nm_rad),
+        "cable_stiffness_Nm_rad": stiffer(device) * rng.uniform(*family.cable_stiffness_Nm_rad),
         "cable_backlash_rad": rng.uniform(*family.cable_backlash_rad),
         "cable_loss": rng.uniform(*family.cable_loss),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.horizon import Horizon
 from esea_gen.device import Device
-from esea_gen.errors import choose
+from esea_gen.errors import UserError, choose
 from esea_gen.language.ports import Array
 from esea_gen.model.sensing import of_axis
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
@@ -113,6 +113,8 @@ def axis_of(device: Device, setting: Setting) -> str:
     """Name of the axis that a setting's cases move; empty of a device with one."""
     if not setting.axis:
         return device.axes[0]
+    if device.axes == ("",):
+        raise UserError(f"axis {setting.axis}: {device.origin} has one axis.", "Leave --axis out.")
     choose("axis", setting.axis, device.axes)
     return setting.axis
 
@@ -153,7 +155,7 @@ def run_on(
     off = deviation(setting.off, device, seed)
     values = {of_axis(k, a): v for k, v in off.values.items() for a in device.axes}
     off = replace(off, values=values)
-    refuse_unknown(setting.off, off, known)
+    refuse_unknown(f"--off {setting.off}", off.values, known)
     n, ratio = len(case.trajectory.tau_desired_Nm), RATE_HZ * device.period_s
     missed = off.missed(n, seed)
     run = loop.run(

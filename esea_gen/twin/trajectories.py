@@ -29,6 +29,14 @@ class Trajectory:
     end: int
     clamped: bool = False  # the output is fixed: no person
 
+    def __post_init__(self) -> None:
+        n = len(self.tau_desired_Nm)
+        if not 0 <= self.start < self.end <= n:
+            raise UserError(
+                f"trajectory {self.name}: samples {self.start} to {self.end} of {n} are judged.",
+                f"Give 0 <= start < end <= {n}.",
+            )
+
     @property
     def window(self) -> slice:
         return slice(self.start, self.end)

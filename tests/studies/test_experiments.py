@@ -33,7 +33,7 @@ def compiler():
 def shorter(case: Case, seconds: float) -> Case:
     t = case.trajectory
     n = round(1000 * seconds)
-    cut = {
+    cut = {"start": min(t.start, n - 1)} | {
         k: getattr(t, k)[:n]
         for k in ("theta_p_rad", "omega_p_rad_s", "alpha_p_rad_s2", "tau_desired_Nm")
     }

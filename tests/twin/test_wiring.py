@@ -93,7 +93,7 @@ def test_a_known_future_is_that_of_the_intervals_ends():
     # ticks 22, 37 ... 142.  Later than the path is long, the last value holds.
     n = 300
     t = np.arange(n, dtype=float)
-    path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 1000, n, True)
+    path = Trajectory("count", t, 2 * t, 3 * t, 4 * t, 0, n, True)
     found = previews(path, device_horizon(load_device("elbow_mpc")))
     ends = np.array([22, 37, 52, 82, 112, 142])
     for tick in (5, 10, 60, 90):
