@@ -150,15 +150,7 @@ ControllersOption = Annotated[
         autocompletion=completing(configured),
     ),
 ]
-PlantOption = Annotated[
-    str,
-    option(
-        "--plant",
-        "Virtual exoskeleton.",
-        metavar="|".join(PLANTS),
-        autocompletion=completing(lambda: PLANTS),
-    ),
-]
+PlantOption = Annotated[str, options.one_of("--plant", "Virtual exoskeleton.", PLANTS)]
 OffOption = Annotated[
     str,
     option(

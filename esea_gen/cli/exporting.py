@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.names import PEOPLE, PLANTS, complete_block, completing
+from esea_gen.cli.names import PEOPLE, PLANTS, complete_block
 from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, writable
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError, from_extra
@@ -46,21 +47,11 @@ def export_fmu(
     ] = None,
     plant: Annotated[
         str | None,
-        option(
-            "--plant",
-            "The virtual exoskeleton (simulated) instead of the controller.",
-            metavar="|".join(PLANTS),
-            autocompletion=completing(lambda: PLANTS),
-        ),
+        options.one_of("--plant", "Instead: the virtual exoskeleton (simulated).", PLANTS),
     ] = None,
     person: Annotated[
         str | None,
-        option(
-            "--person",
-            "Person in the virtual exoskeleton; default: depends on the plant.",
-            metavar="|".join(PEOPLE),
-            autocompletion=completing(lambda: PEOPLE),
-        ),
+        options.one_of("--person", "Person in the virtual exoskeleton; default: by plant.", PEOPLE),
     ] = None,
     seed: SeedOption = 0,
     fmi: Annotated[str, option("--fmi 2|3", "FMI 2.0 or FMI 3.0.")] = "3",
@@ -83,6 +74,8 @@ def export_fmu(
     every = _platforms(platforms)
     if block is not None and plant is not None:
         raise UserError("--block and --plant ask for two FMUs.", "Give one of them.")
+    if plant is None and (person or seed):
+        raise UserError("--person and --seed need --plant.", "Add --plant or leave them out.")
     loaded = esea_gen.load_device(device, controller)
     with progress_line() as say:
         say(f"{loaded.name}: rendering and compiling")

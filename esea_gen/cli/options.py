@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +25,10 @@ def option(words: str, text: str, **more: Any) -> Any:
     names = [w for w in words.split() if w.startswith("-")]
     metavar = words.removeprefix(" ".join(names)).strip() or None
     return typer.Option(*names, **({"metavar": metavar} | more), help=text)
+
+
+def one_of(name: str, text: str, values: Sequence[str]) -> Any:
+    return option(name, text, metavar="|".join(values), autocompletion=completing(lambda: values))
 
 
 DeviceArgument = Annotated[

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from esea_gen.devices.fields import LAW_SECTIONS
+
 Document = Mapping[str, Any]
 NEAR = 0.1  # share by which what a gain was designed for may differ and nothing is said
 BANDWIDTH_NEAR = 1.5  # factor by which a bandwidth may differ from the suited one, likewise
@@ -53,7 +55,9 @@ DESIGNED = (
 
 def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
     """Warn of gains that were designed for other numbers than the device's."""
-    for group in DESIGNED:
+    laws = device.get("laws", LAW_SECTIONS)  # one of a file may use any section
+    idle = () if ".py:" in str(laws) else LAW_SECTIONS.keys() - set(laws)
+    for group in (g for g in DESIGNED if g.section not in idle):
         # By what was found elsewhere: name of the device, and its numbers that are others.
         told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
         for gain in group.gains:

@@ -147,8 +147,8 @@ def _drawn(rows: Sequence[dict[str, Any]], swings_Nm: set[float]) -> Figure:
         axes.grid(visible=False, axis="y")
     left.set_xlabel("RMS true error, N·m")
     right.set_xlabel("of it above 4 Hz, N·m")
-    for x in swings_Nm:
-        right.axvline(x, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
+    for level in swings_Nm:
+        right.axvline(level, color=INK, lw=1, ls=(0, (4, 2)), label="swinging")
     for axes, least in ((left, 0.1), (right, 1.1 * max(swings_Nm))):
         axes.set_xlim(0, max(least, axes.get_xlim()[1]))
     left.set_yticks(range(len(names)), names)

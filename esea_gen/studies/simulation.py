@@ -77,8 +77,6 @@ class ClosedLoopStudy(Study):
 
     def cases_run(self) -> list[Case]:
         cases = list(self.cases())
-        if not cases:
-            raise UserError(f"study {self.name}: cases() gives 0.", "Let it give one or more.")
         return cases if self.scale == Scale() else [c.scaled(self.scale) for c in cases]
 
     def case(self, name: str) -> Case:
@@ -281,10 +279,8 @@ class Simulation:
         return bool(self.setting.fault) or not self.ended()
 
     def to_dict(self) -> dict[str, Any]:
-        content = self.study.to_dict(self)
-        if self.setting.fault:
-            content |= {"fault": str(parse_fault(self.setting.fault)), "simulated": True}
-        return content
+        told = {"fault": str(parse_fault(f))} if (f := self.setting.fault) else {}
+        return self.study.to_dict(self) | told | {"simulated": True}
 
     def table(self) -> list[str]:
         return self._faults() if self.setting.fault else self.study.table(self)
@@ -440,7 +436,7 @@ def _run(
             if r.values is not None and r.case["case"] not in kept:
                 keep(**r.case)
     rest: tuple[Any, ...] = ()
-    if cases[keeping:]:
+    if cases[keeping:] or not keeping:
         left = cases[keeping:]
         rest = run_cases(simulate_case, left, configuration=configuration, **how).results
     return MonteCarlo(configuration, (*first, *rest)), kept

@@ -86,7 +86,8 @@ def run_trial(
 ) -> dict[str, float]:
     """Run and judge one value, in a worker."""
     # Gains that swing are to be seen doing it, not softened.
-    known, softening, phi = tunables_of(controller), *moved(controller, SOFTENING, PHI)
+    known = tunables_of(controller)
+    softening, phi, limit = moved(controller, SOFTENING, PHI, "limits.u_max_Nm")
     unsoftened = {softening: 0.0} if softening in known else {}
     tunables: dict[str, dict[str, float]] = {}
     settings = {**unsoftened, **held, parameter: value}
@@ -96,7 +97,7 @@ def run_trial(
     device = controller_device(controller)
     case = tuning_case(controller)
     run = run_case(case, Setting(controller, plant, "none", tunables=tunables), seed)
-    u_max_Nm = settings.get(*moved(controller, "limits.u_max_Nm"), largest_torque_Nm(device))
+    u_max_Nm = settings.get(limit, largest_torque_Nm(device))
     figures = judge(case, run, u_max_Nm, Scale.of(device).torque)
     over, reach = extremes(case, run)
     out = {
@@ -277,6 +278,7 @@ class Tuning:
 
     def to_dict(self) -> dict[str, Any]:
         return {
+            "simulated": True,
             "controller": self.controller,
             "plant": self.plant,
             "seed": self.seed,
@@ -351,12 +353,8 @@ def _parameter(controller: str, asked: str) -> str:
     same = [n for n in known if n.partition(".")[2] == asked]
     if len(same) == 1:
         return same[0]
-    if same:
-        raise UserError(f"Several Blocks have a tunable {asked}.", f"Choose {' or '.join(same)}.")
-    raise UserError(
-        f"The controller {controller} has no tunable '{asked}'.",
-        f"Choose from {', '.join(known)}.",
-    )
+    choose(f"tunable of {controller}", asked, same or known)
+    return asked
 
 
 def tune(
@@ -395,7 +393,7 @@ def tune(
         return made(sweep(_parameter(controller, parameter), values, {}))
     if values:
         raise UserError("Values are given, but no parameter.", "Name it with --parameter.")
-    if phi_name not in known or slope not in known:
+    if not {phi_name, slope} <= known.keys():
         raise UserError(
             f"The controller {controller} has no {phi_name} and {slope} to tune.",
             f"Name a --parameter; it has {', '.join(known)}.",

@@ -15,9 +15,9 @@ from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = Mode
 # What the cases are written for: the elbow's full scale and range of motion, of which movements
-# take a quarter turn, and damping.
+# take a quarter turn, and the largest gains.
 FULL_NM, LOW_RAD, RANGE_RAD, MOVED_RAD = 4.47, -0.15, 2.65, math.pi / 2
-DAMPING_NMS_RAD = 0.25
+STIFFNESS_NM_RAD, DAMPING_NMS_RAD = 1.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class Scale:
     travel: float = 1.0
     from_rad: float = 0.0  # where a movement begins that is written from 0 on
     rest_rad: float = 0.0  # where a joint stands that is written to stand at 0
-    damping: float = 1.0  # as the torque, within what the device may render
+    stiffness: float = 1.0  # as the torque, within what the device may render
+    damping: float = 1.0  # likewise
     cable: float = 1.0
 
     @classmethod
@@ -41,8 +42,9 @@ class Scale:
         last = high + travel * (LOW_RAD - MOVED_RAD)
         rest = min(max(0.0, low), high)
         torque = device.tau_full_scale_Nm / FULL_NM
-        damping = min(torque, largest_gains(device)[1] / DAMPING_NMS_RAD)
-        return cls(torque, travel, min(first, last), rest, damping, stiffer(device))
+        gains = zip(largest_gains(device), (STIFFNESS_NM_RAD, DAMPING_NMS_RAD), strict=True)
+        kp, kd = (min(torque, most / written) for most, written in gains)
+        return cls(torque, travel, min(first, last), rest, kp, kd, stiffer(device))
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,9 @@ class Case:
         words += [f"torque x{by.torque:.3g}"] * (by.torque != 1)
         moves = bool(path.omega_p_rad_s.any())
         words += [f"travel x{by.travel:.3g}"] * (moves and by.travel != 1)
-        words += [f"damping x{by.damping:.3g}"] * (self.mode == IMPEDANCE and by.damping != 1)
+        if self.mode == IMPEDANCE:
+            words += [f"stiffness x{by.stiffness:.3g}"] * (by.stiffness != by.torque)
+            words += [f"damping x{by.damping:.3g}"] * (by.damping != 1)
         path = replace(
             path,
             theta_p_rad=(by.from_rad if moves else by.rest_rad) + by.travel * path.theta_p_rad,
@@ -68,7 +72,7 @@ class Case:
             alpha_p_rad_s2=by.travel * path.alpha_p_rad_s2,
             tau_desired_Nm=by.torque * path.tau_desired_Nm,
         )
-        factors = {"Kp_Nm_rad": by.torque, "Kd_Nms_rad": by.damping}
+        factors = {"Kp_Nm_rad": by.stiffness, "Kd_Nms_rad": by.damping}
         gains = {
             of: {k: v * factors.get(k, 1.0) for k, v in given.items()}
             for of, given in self.tunables.items()

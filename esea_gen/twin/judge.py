@@ -16,31 +16,8 @@ from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.published import PLANTS
 from esea_gen.twin.trajectories import RATE_HZ
 
-FIGURES = (
-    "rms_true_Nm",
-    "rms_model_Nm",
-    "max_true_Nm",
-    "rms_above_4Hz_Nm",
-    "unstable",
-    "tripped",
-    "fault",
-    "fault_reason",
-    "limited_share",
-    "command_above_20Hz_Nm",
-    "noise_above_5Hz_Nm",
-    "rate_limited_share",
-    "largest_desired_Nm",
-    "rms_normalised",
-    "missed_runs",
-)
 # Of a run with an encoder's fault; the first three are None where it was never found.
-ENCODER_FAULT = (
-    "detected_ticks",
-    "detected_fault",
-    "torque_then_Nm",
-    "peak_torque_Nm",
-    "energy_J",
-)
+ENCODER_FAULT = ("detected_ticks", "detected_fault", "torque_then_Nm", "peak_torque_Nm", "energy_J")
 ROUGHNESS = ("command_above_20Hz_Nm", "noise_above_5Hz_Nm", "rate_limited_share")
 # What a table of errors shows of them: heads, factors and units.
 ROUGH_HEADS = ("cmd >20 Hz", "noise >5 Hz", "rate limit")
@@ -50,6 +27,9 @@ RATE_LIMITED = 1 << [f.name for f in limit_status(1.0).flags].index("RATE_LIMITE
 AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
 SWINGS_HZ = 4.0  # above what a person wants; the drive swings on its cable beyond
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
+FIGURES: tuple[str, ...] = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm", "rms_above_4Hz_Nm")
+FIGURES += (*ENDED, "fault_reason", "limited_share", *ROUGHNESS, "largest_desired_Nm")
+FIGURES += ("rms_normalised", "missed_runs")
 
 
 def desired_torque(case: Case, run: ClosedLoopRun) -> Array:

@@ -206,8 +206,7 @@ def deviation(name: str, device: Device, seed: int) -> Deviation:
 def refuse_unknown(what: str, values: Collection[str], known: Collection[str]) -> None:
     """Reject what changes a property missing in the plant."""
     for key in (k for k in values if k not in known):
-        if key in CABLE_KEYS:
-            rigid, fix = ": its cable is rigid", "Give --plant real or random, or leave it out."
-        else:
-            rigid, fix = "", f"{nearest(key, known)}It has {', '.join(known)}."
+        rigid = ": its cable is rigid" * (key in CABLE_KEYS)
+        other = f"{nearest(key, known)}It has {', '.join(known)}."
+        fix = "Give --plant real or random, or leave it out." if rigid else other
         raise UserError(f"{what}: the plant has no {key}{rigid}.", fix)

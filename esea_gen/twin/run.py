@@ -17,6 +17,7 @@ from esea_gen.model.sensing import of_axis
 from esea_gen.twin.case import IMPEDANCE, OFF, Case, Setting
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
+from esea_gen.twin.encoders import ENCODERS
 from esea_gen.twin.faults import parse_fault
 from esea_gen.twin.hand import hand_variant
 from esea_gen.twin.hand_plant import tunable_places
@@ -32,15 +33,7 @@ PERSON_NAMES = ("none", "ideal", "uncertain", "uncertain-no-feedforward", "rando
 ARM_S, ON_S = 0.03, 0.06
 ARM_PERIODS, ON_PERIODS = 2.5, 3.0
 # What is 0 all along; of an axis that a case does not move, what is wanted too.
-ZERO = (
-    "stop",
-    "frame_error_motor",
-    "frame_error_load",
-    "frame_error_gear",
-    "law",
-    "constrained",
-    "motor_C",
-)
+ZERO = ("stop", "law", "constrained", "motor_C", *(f"frame_error_{s}" for s in ENCODERS))
 WANTED = ("tau_desired_Nm", "theta_desired_rad", "omega_desired_rad_s")
 # The thesis weighs the impedance experiment otherwise than the torque experiments.
 PRINTED_IMPEDANCE = {"Q": 1.0, "R": 0.005}
@@ -163,7 +156,7 @@ def run_on(
         {**variant.values, **extra, **off.values},
         merged,
         seed=seed,
-        delay_ticks=round(off.delay_ticks / ratio),
+        delay_ticks=math.ceil(off.delay_ticks / ratio - 1e-9),  # at least as late as it says
         missed=None if missed is None else _resampled(missed, ratio, round(n / ratio)),
         fault=fault,
         axis=axis,

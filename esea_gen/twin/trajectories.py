@@ -32,10 +32,8 @@ class Trajectory:
     def __post_init__(self) -> None:
         n = len(self.tau_desired_Nm)
         if not 0 <= self.start < self.end <= n:
-            raise UserError(
-                f"trajectory {self.name}: samples {self.start} to {self.end} of {n} are judged.",
-                f"Give 0 <= start < end <= {n}.",
-            )
+            judged = f"samples {self.start} to {self.end} of {n} are judged"
+            raise UserError(f"trajectory {self.name}: {judged}.", f"Give 0 <= start < end <= {n}.")
 
     @property
     def window(self) -> slice:
@@ -57,14 +55,10 @@ class Trajectory:
         }
 
 
-def _positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise UserError(f"{name} = {value} is not above 0.", "Give a positive number.")
-
-
-def _finite(name: str, value: float) -> None:
-    if not np.isfinite(value):
-        raise UserError(f"{name} = {value} is not a number.", "Give a finite one.")
+def _check(name: str, value: float, above: float = -np.inf) -> None:
+    if not above < value < np.inf:
+        kind = "a number" if above else "above 0"
+        raise UserError(f"{name} = {value} is not {kind}.", "Give a finite one.")
 
 
 def _time(duration_s: float) -> Array:
@@ -78,7 +72,7 @@ def _made(
     path: Callable[[Array], tuple[Array, Array, Array]],
     tau_Nm: float,
 ) -> Trajectory:
-    _finite("tau_Nm", tau_Nm)
+    _check("tau_Nm", tau_Nm)
     t = _time(duration_s)
     theta, omega, alpha = path(t)
     start, end = (round(w * RATE_HZ) for w in window_s)
@@ -92,8 +86,8 @@ def fixed_output(name: str, tau_Nm: Array, start: int) -> Trajectory:
 
 
 def fixed_sinusoid(amplitude_Nm: float, frequency_Hz: float) -> Trajectory:
-    _positive("frequency_Hz", frequency_Hz)
-    _finite("amplitude_Nm", amplitude_Nm)
+    _check("frequency_Hz", frequency_Hz, 0.0)
+    _check("amplitude_Nm", amplitude_Nm)
     p = PLANTS.trajectory.fixed
     slow = frequency_Hz < p.slow_below_Hz
     cycles, settle = (p.slow_cycles, p.slow_settle_cycles) if slow else (p.cycles, p.settle_cycles)
@@ -108,7 +102,7 @@ def tuning() -> Trajectory:
 
 
 def backdriven(frequency_Hz: float, tau_Nm: float = 0.0) -> Trajectory:
-    _positive("frequency_Hz", frequency_Hz)
+    _check("frequency_Hz", frequency_Hz, 0.0)
     p = PLANTS.trajectory.backdriven
     a, w = np.deg2rad(p.amplitude_deg), 2 * np.pi * frequency_Hz
 

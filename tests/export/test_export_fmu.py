@@ -451,6 +451,7 @@ def test_the_command(tmp_path, monkeypatch, elbow, drive):
         (["elbow", "--real", "q31"], "no number format"),
         (["elbow", "--plant", "real"], "has no drive"),
         (["elbow", "--plant", "real", "--block", "sensor"], "ask for two"),
+        (["elbow", "--seed", "3"], "need --plant"),
         (["elbow_drive", "--plant", "raal"], "Did you mean real"),
     ):
         failed = run(app, ["export", "fmu", *call])

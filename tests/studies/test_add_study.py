@@ -21,6 +21,7 @@ from esea_gen.studies.registry import Study, load_study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulate
 from esea_gen.twin.case import Setting
 from esea_gen.twin.loop_run import RanAwayError
+from esea_gen.twin.off import refuse_unknown
 from tests.conftest import ROOT, require_tool
 from tests.result_schemas import held
 
@@ -231,3 +232,18 @@ def test_a_study_without_its_method_is_told(tmp_path):
     path.write_text(f'{head}class Bare(ClosedLoopStudy):\n    """Bare."""\n    name = "bare"\n')
     with pytest.raises(UserError, match=r"study bare: has no method cases\. Add it"):
         load_study(f"{path}:bare", ClosedLoopStudy).cases()
+    path.write_text(path.read_text() + "    def cases(self):\n        return iter(())\n")
+    with pytest.raises(UserError, match="There are no cases"):
+        simulate(f"{path}:bare", Setting("smc", "ideal"))
+
+
+def test_what_a_plant_or_device_has_not_is_refused():
+    require_tool("gcc")
+    for study, setting, said in (
+        ("twists", Setting("smc", "ideal"), "no cable_loss: its cable is rigid"),
+        ("tuning", Setting("smc", axis="flexion"), r"one axis\. Leave --axis out"),
+    ):
+        with pytest.raises(UserError, match=said):
+            simulate(study, setting)
+    with pytest.raises(UserError, match="Did you mean fc_Nm"):
+        refuse_unknown("case a", ["fc_Nn"], ["fc_Nm"])

@@ -93,6 +93,13 @@ def test_a_trial_that_fails_is_an_unusable_one(monkeypatch, tmp_path):
     assert "chosen: none; no value is usable, failed: rms_Nm is inf" in shown
 
 
+def test_a_parameter_without_effect_is_not_chosen(monkeypatch):
+    same = half_run(1.0)
+    monkeypatch.setattr("esea_gen.studies.tuning_sweep.run_trial", lambda **_: same)
+    (sweep,) = tune("smc", parameter="lead", values=(1.0, 2.0)).sweeps
+    assert (sweep.chosen, sweep.reason) == (None, "it makes no difference in this case")
+
+
 # -- against the twin -----------------------------------------------------------------------------
 
 
@@ -152,6 +159,13 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
     assert two.rms_Nm < one.rms_Nm
 
 
+@pytest.mark.ci
+def test_the_axis_that_moves_is_tuned():
+    require_tool("gcc")
+    found = tune("wrist_drive", "ideal", parameter="smc_flexion.lambda_1_s", values=(5.0, 9.0))
+    assert found.device_lines()[0] == "[sliding_mode]"
+
+
 # -- what is refused ------------------------------------------------------------------------------
 
 
@@ -160,8 +174,8 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
     ("arguments", "words"),
     [
         (["--plant", "moon"], ["Unknown plant 'moon'", "ideal, real, random"]),
-        (["--parameter", "slope", "--values", "1,2"], ["no tunable 'slope'", "smc.lambda_1_s"]),
-        (["--parameter", "cutoff_Hz", "--values", "20,30"], ["motor_rate.cutoff_Hz or"]),
+        (["--parameter", "slope", "--values", "1,2"], ["tunable of smc 'slope'", "lambda_1_s"]),
+        (["--parameter", "cutoff_Hz", "--values", "20,30"], ["from motor_rate.cutoff_Hz, load"]),
         (["--parameter", "phi_rad_s", "--values", "1"], ["1: 2 or more are", "0.001 to 100"]),
         (["--parameter", "phi_rad_s", "--values", "1,nan"], ["1,nan: not a list of numbers"]),
         (["--parameter", "phi_rad_s", "--values", "1,b"], ["not a list of numbers"]),
@@ -170,7 +184,7 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
         (["--controller", "mpc"], ["mpc has no smc.phi_rad_s", "--parameter", "predictive."]),
         (
             ["--controller", "mpc", "--parameter", "lambda_1_s", "--values", "9,15"],
-            ["mpc has no tunable 'lambda_1_s'", "predictive."],
+            ["Unknown tunable of mpc 'lambda_1_s'", "predictive."],
         ),
         (["--values", "1,2"], ["no parameter", "--parameter"]),
         (["--figure", "a.txt"], [".png, .svg or .pdf"]),

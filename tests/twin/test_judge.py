@@ -96,6 +96,7 @@ def test_what_ends_a_run(beyond, told):
     run.plant["tau_e_Nm"][3000] = run.plant["tau_e_Nm"][3000] * 0 - beyond * error
     run.plant["tau_e_Nm"][3000] += case.trajectory.tau_desired_Nm[3000]
     assert judge(case, run, U_MAX_NM)["unstable"] == told
+    assert judge(case, run, U_MAX_NM, torque=10.0)["unstable"] == 0  # of a larger device
     case, run = made()
     run.plant["tripped"][-1] = told
     run.controller["fault"][5999] = 8 * told

@@ -171,6 +171,7 @@ class InteractionStudy:
     push_rad_s: float
     seed: int
     wall_Nm_rad: float
+    axis: str
     region: PushMap
     marked: tuple[tuple[float, float, str], ...]
     runs: Mapping[tuple[float, float, str], PushRun]
@@ -178,8 +179,9 @@ class InteractionStudy:
     configuration: Configuration
 
     def to_dict(self) -> dict[str, Any]:
-        names = ("controller", "plant", "push_rad_s", "seed", "wall_Nm_rad", "sliding")
+        names = ("controller", "plant", "push_rad_s", "seed", "wall_Nm_rad", "axis", "sliding")
         return {k: getattr(self, k) for k in names} | {
+            "simulated": True,
             "configuration": self.configuration.parts,
             "map": self.region.to_dict(),
             "thesis_gains": [
@@ -196,8 +198,8 @@ class InteractionStudy:
         m = self.region
         count = m.stable.size
         lines = [
-            f"Rendered impedance: {self.controller}, plant {self.plant}, {len(m.hands)} passive "
-            f"hands, a push of {self.push_rad_s:g} rad/s"
+            f"Simulated. Rendered impedance: {' '.join((self.controller, self.axis)).strip()}, "
+            f"plant {self.plant}, {len(m.hands)} passive hands, a push of {self.push_rad_s:g} rad/s"
             + f", against a wall of {self.wall_Nm_rad:g} Nm/rad"
             * (self.wall_Nm_rad > 0),
             *m.table(),
@@ -315,7 +317,7 @@ def study_interaction(
     runs = {_key(r): _finished(r) for r in done.results}
     region = push_map(kp, kd, hands, runs, push_rad_s)
     marked = tuple((p, d, push_map([p], [d], hands, runs, push_rad_s).mark(0, 0)) for p, d in marks)
-    asked = controller, plant, push_rad_s, seed, wall_Nm_rad
+    asked = controller, plant, push_rad_s, seed, wall_Nm_rad, axis
     return InteractionStudy(*asked, region, marked, runs, checks, configuration)
 
 
