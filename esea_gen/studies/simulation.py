@@ -321,9 +321,8 @@ class Simulation:
 
 def default_person(study: str, plant: str) -> str:
     """Who takes part when nobody is named."""
-    if not load_study(study, ClosedLoopStudy).person:
-        return "none"
-    return {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
+    who = {"ideal": "ideal", "random": "random"}.get(plant, "uncertain")
+    return who if load_study(study, ClosedLoopStudy).person else "none"
 
 
 def simulate_case(

@@ -305,8 +305,7 @@ class Tuning:
         lines = [f"Simulated. {self.controller} tuned on plant {self.plant}: {case}, output fixed"]
         for s in self.sweeps:
             lines += s.table()
-        written = self.device_lines()
-        if written:
+        if written := self.device_lines():
             return [*lines, "In the device file:", *written]
         chosen = [(s.parameter, s.chosen.value) for s in self.sweeps if s.chosen]
         return [*lines, *(f"At run time: {name} = {value:g}." for name, value in chosen)]
@@ -348,9 +347,7 @@ def _values(device: Device, name: str, tunable: Tunable, values: Sequence[float]
 
 def _parameter(controller: str, asked: str) -> str:
     known = tunables_of(controller)
-    if asked in known:
-        return asked
-    same = [n for n in known if n.partition(".")[2] == asked]
+    same = [n for n in known if asked in (n, n.partition(".")[2])]
     if len(same) == 1:
         return same[0]
     choose(f"tunable of {controller}", asked, same or known)

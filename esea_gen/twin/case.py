@@ -24,7 +24,7 @@ STIFFNESS_NM_RAD, DAMPING_NMS_RAD = 1.5, 0.25
 class Scale:
     """Torques and movements of a device, over those that the cases are written for."""
 
-    torque: float = 1.0
+    torque: float = 1.0  # what makes a run unstable or oscillating goes with it, too
     travel: float = 1.0
     from_rad: float = 0.0  # where a movement begins that is written from 0 on
     rest_rad: float = 0.0  # where a joint stands that is written to stand at 0

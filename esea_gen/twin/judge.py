@@ -79,7 +79,6 @@ def rough_cells(figures: Mapping[str, float | None]) -> list[str]:
 
 
 def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float, torque: float = 1.0) -> dict[str, float]:
-    """Figures of a run; ``torque``: of the device, over the elbow's (:class:`Scale`)."""
     w = case.trajectory.window
     desired = desired_torque(case, run)
     true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired
@@ -87,14 +86,13 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float, torque: float = 1.0) 
     u = run.controller["u_Nm"][w]
 
     worst = float(np.max(np.abs(true[w])))
-    limits = PLANTS.unstable
-    error_Nm = torque * limits.max_true_error_Nm
+    error_Nm = torque * PLANTS.unstable.max_true_error_Nm
     out = {
         "rms_true_Nm": rms(true[w]),
         "rms_model_Nm": rms(model[w]),
         "max_true_Nm": worst,
         "rms_above_4Hz_Nm": rms(above(true[w])),
-        "unstable": float(worst > error_Nm or speed > limits.max_gear_speed_rad_s),
+        "unstable": float(worst > error_Nm or speed > PLANTS.unstable.max_gear_speed_rad_s),
         "tripped": float(np.max(run.plant["tripped"]) > 0),
         "fault": float(np.max(run.controller["fault"][w]) > 0),
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),

@@ -19,6 +19,7 @@ import numpy as np
 
 from esea_gen.device import Device
 from esea_gen.devices.file import DeviceData
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_device, compile_system
 from esea_gen.language.block import Block, Guard, Labels, StepResult
 from esea_gen.language.ports import Array, Port
@@ -143,6 +144,9 @@ class PassiveTwin:
         self._plant.reset()
         self._plant.put_state({"theta_m_rad": theta[0]})
         moved, _ = self._plant.run(plant, trace=False)
+        if moved["plant_status"].any():
+            within = f"{_TAU_NM:g} Nm and {ANGLE_RAD:g} rad"
+            raise UserError("The hands leave the plant's ranges.", f"Give numbers within {within}.")
         start, noise = rng.uniform(0, 2 * np.pi, 2), self.encoder_noise_rad
         self._encoders.reset()
         at = slice(every - 1, None, every)

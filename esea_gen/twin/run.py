@@ -133,11 +133,11 @@ def run_on(
     axis = axis_of(device, setting)
     signals = told(device, loop, case.trajectory, case.mode, axis)
     merged = {k: dict(v) for k, v in setting.tunables.items()}
-    if "predictive" in device.system.blocks:
+    for name in (b for b in device.system.blocks if b.partition("_")[0] == "predictive"):
         chosen = {"load_free": 0.0 if fixed else 1.0}
         if case.mode == IMPEDANCE and setting.controller.startswith("mpc-published"):
             chosen |= PRINTED_IMPEDANCE
-        merged["predictive"] = chosen | merged.get("predictive", {})
+        merged[name] = chosen | merged.get(name, {})
     for instance, values in case.tunables.items():
         merged.setdefault(f"{instance}_{axis}" if axis else instance, {}).update(values)
     # A variant knows only what its plant has: the rigid one has no cable to twist.
@@ -147,13 +147,12 @@ def run_on(
     fault = parse_fault(setting.fault) if setting.fault else None
     off = deviation(setting.off, device, seed)
     values = {of_axis(k, a): v for k, v in off.values.items() for a in device.axes}
-    off = replace(off, values=values)
-    refuse_unknown(f"--off {setting.off}", off.values, known)
+    refuse_unknown(f"--off {setting.off}", values, known)
     n, ratio = len(case.trajectory.tau_desired_Nm), RATE_HZ * device.period_s
     missed = off.missed(n, seed)
     run = loop.run(
         signals,
-        {**variant.values, **extra, **off.values},
+        {**variant.values, **extra, **values},
         merged,
         seed=seed,
         delay_ticks=math.ceil(off.delay_ticks / ratio - 1e-9),  # at least as late as it says

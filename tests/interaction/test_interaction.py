@@ -164,8 +164,9 @@ def test_counts_agree_with_counting(s, active, limited):
     assert found["worst_rad2_s3"] == (max(products.values()) if products else 0.0)
 
 
-def test_what_is_outside_agrees_with_the_controllers_own_flag():
-    """The C sets LAYER_LEFT itself, in its own number format."""
+@pytest.mark.filterwarnings("ignore:.*designed for")
+def test_what_is_outside_agrees_with_the_controllers_own_flag(tmp_path):
+    """The C sets LAYER_LEFT itself, in its own number format; a faster sensor changes nothing."""
     require_tool("gcc")
     cases = (("grid", "3 Nm 1 Hz"),)
     wide, narrow = check_sliding("smc", ("ideal",), cases)
@@ -178,6 +179,11 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag():
     assert abs(int(flagged.sum()) - wide.outside) <= 1
     assert narrow.outside > wide.outside
     assert "3 Nm 1 Hz" in wide.line()
+    rate = 'sense_rate_Hz = { value = 2000, status = "assumed", source = "x" }\n'
+    head = 'schema = 1\nextends = "elbow_drive"\nname = "fast"\ntitle = "fast"\n[timing]\n'
+    (tmp_path / "fast.toml").write_text(head + rate)
+    fast, _ = check_sliding(str(tmp_path / "fast.toml"), ("ideal",), cases)
+    assert fast.samples == wide.samples
 
 
 # -- what is refused ------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import esea_gen
+from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_block, compile_system
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.twin.parameters import STEP_S
@@ -132,3 +133,9 @@ def test_the_same_seed_the_same_run(twin, slow):
     again = twin.run(t, tau, angle, np.random.default_rng(3))
     assert np.array_equal(again.tau_Nm, run.tau_Nm)
     assert not np.array_equal(twin.run(t, tau, angle, np.random.default_rng(4)).tau_Nm, run.tau_Nm)
+
+
+def test_hands_beyond_the_plant_are_refused(twin):
+    for tau in ([0.0, math.nan], [0.0, 2000.0]):
+        with pytest.raises(UserError, match="leave the plant's ranges"):
+            twin.run(np.array([0.0, 0.1]), np.array(tau), np.zeros(2), np.random.default_rng(1))

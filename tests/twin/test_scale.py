@@ -39,5 +39,4 @@ def test_cable_gains_and_motor_limit_are_the_devices_own():
     assert {c.plant["cable_stiffness_Nm_rad"] for c in twists} == {1350.0, 1500.0, 1700.0}
     gains = [c.tunables["reference"] for c in ImpedanceStudy().of(device).cases_run()]
     assert max(g["Kp_Nm_rad"] for g in gains) == 3.0
-    assert max(g["Kd_Nms_rad"] for g in gains) == pytest.approx(0.35)
     assert largest_torque_Nm(device) == 0.1

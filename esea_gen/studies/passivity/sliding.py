@@ -11,10 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from esea_gen.language.ports import Array
+from esea_gen.model.sensing import of_axis
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Scale, Setting
-from esea_gen.twin.controllers import controller_device, controller_system
+from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import RATE_HZ
 
@@ -86,29 +87,30 @@ def check_sliding(
     seed: int = 0,
 ) -> tuple[SlidingCheck, ...]:
     """The sliding condition along logged runs, with the layer as it is and with a tenth of it."""
-    system = controller_system(controller)
-    smc = system.blocks.get("smc")
+    device = controller_device(controller)
+    system, axis = device.system, device.axes[0]
+    smc = system.blocks.get(name := of_axis("smc", axis))
     tunables = {t.name: t for t in smc.tunables} if smc else {}
     if smc is None or "phi_rad_s" not in tunables:
         return ()
-    task = next(t for t in system.tasks if "smc" in t.blocks)
+    task = next(t for t in system.tasks if name in t.blocks)
+    phase, every = (round(x * device.period_s * RATE_HZ) for x in (task.phase, task.every))
     assert smc.status_port is not None
     bits = {f.name: 1 << k for k, f in enumerate(smc.status_port.flags)}
     wide = tunables["phi_rad_s"]
     # No status word before the first run of the control task: ENTERED takes those out as well.
     layers = (wide.default, max(wide.low, NARROW * wide.default))
     found = []
-    for plant, phi, (study, name) in product(plants, layers, cases):
+    for plant, phi, (study, case_name) in product(plants, layers, cases):
         study_of = load_study(study, ClosedLoopStudy)
-        case = study_of.case(name).scaled(Scale.of(controller_device(controller)))
-        setting = Setting(controller, plant, "none", tunables={"smc": {"phi_rad_s": phi}})
+        case = study_of.case(case_name).scaled(Scale.of(device))
+        setting = Setting(controller, plant, "none", tunables={name: {"phi_rad_s": phi}})
         run = run_case(case, setting, seed)
-        held = slice(task.phase, None, task.every)
+        held = slice(phase, None, every)
         status = run.controller["smc_status"][held]
         active = (status & bits["ACTIVE"] > 0) & (status & bits["ENTERED"] == 0)
         limited = status & bits["SATURATED"] > 0
         surface = run.controller["surface_rad_s"][held]
-        period_s = task.every / RATE_HZ
-        figures = sliding_condition(surface, active, limited, phi, period_s)
-        found.append(SlidingCheck(plant, name, **figures))
+        figures = sliding_condition(surface, active, limited, phi, every / RATE_HZ)
+        found.append(SlidingCheck(plant, case_name, **figures))
     return tuple(found)
