@@ -47,10 +47,7 @@ API_PAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "host": (
         "Host: boards and recordings",
-        (
-            "esea_host.connection.device",
-            "esea_host.recording.log",
-        ),
+        ("esea_host.connection.device", "esea_host.recording.log"),
     ),
     "metrics": (
         "Smoothness",
@@ -299,10 +296,7 @@ def device_file_page() -> str:
         ("source", number["source"]["description"]),
     ):
         lines += [f"`{key}`", f":   {text}", ""]
-    head = [
-        "| key | kind | unit | limits | needed | meaning |",
-        "|---|---|---|---|---|---|",
-    ]
+    head = ["| key | kind | unit | limits | needed | meaning |", "|---|---|---|---|---|---|"]
 
     def section(name: str, node: dict[str, Any], required: dict[str, Any], needed: bool) -> None:
         rows, inner = _section_rows(name, node, required)
@@ -325,11 +319,7 @@ def device_file_page() -> str:
 
 UNITS = {
     "deflection.unit": {**mapping_tables.ANGLE, **mapping_tables.LENGTH},
-    "torque.unit": {
-        **mapping_tables.TORQUE,
-        **mapping_tables.FORCE,
-        **mapping_tables.VOLTAGE,
-    },
+    "torque.unit": {**mapping_tables.TORQUE, **mapping_tables.FORCE, **mapping_tables.VOLTAGE},
     "sampling.time_unit": mapping_tables.TIME,
 }
 

@@ -73,10 +73,7 @@ def impedance(device: Device) -> Block:
             "[pd 1] torque of the spring and the damper",
         )
         command = label("command_Nm", wanted + c.torque_gain * (wanted - u.tau_Nm), "[pd 2]")
-        next_state = {
-            "primed": ca.logic_or(s.primed, guard.inputs_ok),
-            "phi_prev_rad": u.phi_rad,
-        }
+        next_state = {"primed": ca.logic_or(s.primed, guard.inputs_ok), "phi_prev_rad": u.phi_rad}
         outputs = {
             # Not computed with a replaced input: no valid input, no torque.
             "u_Nm": ca.if_else(guard.inputs_ok, clip(command, -tau_max_Nm, tau_max_Nm), 0),
@@ -159,10 +156,7 @@ def controlled(device: Device) -> System:
         f"{device.name}_pd",
         device.period_s,
         {"velocity": device.velocity, "sensor": device.sensor, "impedance": impedance(device)},
-        (
-            Task("sense", ("velocity", "sensor")),
-            Task("control", ("impedance",), every=EVERY),
-        ),
+        (Task("sense", ("velocity", "sensor")), Task("control", ("impedance",), every=EVERY)),
         wires={
             "sensor.omega_rad_s": "velocity.omega_mid_rad_s",  # inside a task: straight on
             "impedance.tau_Nm": "sensor.tau_Nm",  # from task to task: a latch

@@ -97,8 +97,7 @@ class FrequencyResponse:
             returns = bool((~below[k:]).any())
             found = _between(f, relative + drop_dB, k - 1) if k > 0 else float(f[k])
         return Bandwidth(
-            *(found, start, words, drop_dB),
-            *(float(relative[peak]), float(f[peak]), returns),
+            *(found, start, words, drop_dB), *(float(relative[peak]), float(f[peak]), returns)
         )
 
     def open_loop(self) -> FrequencyResponse:

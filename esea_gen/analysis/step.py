@@ -141,10 +141,7 @@ def _way(t: Array, way: Array, step_s: float, tail_s: float) -> dict[str, float 
 
 
 def _checked_step(
-    time_s: npt.ArrayLike,
-    response: npt.ArrayLike,
-    step_s: float,
-    size: float,
+    time_s: npt.ArrayLike, response: npt.ArrayLike, step_s: float, size: float
 ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     time = checked_time(time_s)
     values = np.asarray(response, dtype=np.float64)

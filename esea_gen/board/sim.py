@@ -50,10 +50,7 @@ class SimTransport(Transport):
 
 @lru_cache(maxsize=4)
 def _built(
-    device: Device,
-    board: str,
-    control: Mapping[str, str] | None = None,
-    drivers: str | None = None,
+    device: Device, board: str, control: Mapping[str, str] | None = None, drivers: str | None = None
 ) -> tuple[bytes, Any]:
     # The library, and what its messages are.
     with tempfile.TemporaryDirectory(prefix="esea-sim-") as folder:

@@ -94,8 +94,7 @@ def emulate(
     data: options.DataOption = None,
     board: options.BoardOption = DEFAULT_BOARD,
     seconds: Annotated[
-        float | None,
-        option("--seconds", "For a drive: seconds of the tuning case; default: 3."),
+        float | None, option("--seconds", "For a drive: seconds of the tuning case; default: 3.")
     ] = None,
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,

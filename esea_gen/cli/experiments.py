@@ -110,13 +110,11 @@ def _whole_thesis(
     given: Annotated[
         list[Path] | None,
         option(
-            "--given FILE",
-            "JSON of esea-host study virtual, or of assess evaluate; repeatable.",
+            "--given FILE", "JSON of esea-host study virtual, or of assess evaluate; repeatable."
         ),
     ] = None,
     page: Annotated[
-        Path | None,
-        option("--page FILE", "Also write an HTML page.", callback=writable),
+        Path | None, option("--page FILE", "Also write an HTML page.", callback=writable)
     ] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
@@ -169,8 +167,7 @@ FaultOption = Annotated[
 ]
 
 AxisOption = Annotated[
-    str,
-    option("--axis NAME", "Axis that is moved, the others at 0 Nm; default: the first."),
+    str, option("--axis NAME", "Axis that is moved, the others at 0 Nm; default: the first.")
 ]
 
 app.add_typer(

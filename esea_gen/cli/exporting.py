@@ -57,8 +57,7 @@ def export_fmu(
     fmi: Annotated[str, option("--fmi 2|3", "FMI 2.0 or FMI 3.0.")] = "3",
     real: FormatOption = "f32",
     platforms: Annotated[
-        str | None,
-        option("--platforms all|host", "Platforms; default: all if zig is installed."),
+        str | None, option("--platforms all|host", "Platforms; default: all if zig is installed.")
     ] = None,
     controller: ControllerOption = None,
 ) -> None:

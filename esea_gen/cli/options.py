@@ -56,8 +56,7 @@ def _mapping(path: Path) -> Path:
 MappingArgument = Annotated[
     Path,
     typer.Argument(
-        callback=_mapping,
-        help=f"Mapping file of the recording; {SAMPLE}: a shipped recording.",
+        callback=_mapping, help=f"Mapping file of the recording; {SAMPLE}: a shipped recording."
     ),
 ]
 RecordingOption = Annotated[

@@ -65,10 +65,7 @@ class _Interpolation:
             periods("intervals", meaning="last intervals, newest first", size=INTERVALS),
             periods("left", meaning="periods until the ramp ends"),
         )
-        self.inputs = (
-            Port.choice("mode", Mode, "desired mode"),
-            *desired("desired", "desired "),
-        )
+        self.inputs = (Port.choice("mode", Mode, "desired mode"), *desired("desired", "desired "))
         self.outputs = (
             *desired("desired", "interpolated: desired "),
             Port.flag("wish_ok", "1 while all inputs and the state are valid"),

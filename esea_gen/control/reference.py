@@ -200,11 +200,7 @@ class _Reference:
             held = held - u.tau_impairment_Nm
         if self.adapted:
             held, gain = held - u.wish_shift_Nm, u.wish_gain
-        next_state = {
-            "mode_last": mode,
-            "offset_Nm": faded,
-            "tau_set_Nm": tau_set,
-        }
+        next_state = {"mode_last": mode, "offset_Nm": faded, "tau_set_Nm": tau_set}
         outputs = {
             "tau_set_Nm": tau_set,
             "tau_hold_Nm": label("hold_Nm", held / gain, "but for the impairment"),

@@ -132,9 +132,7 @@ EXTRAS = {
         outputs={n: f"passivity.{n}" for n in ("damping_Nms_rad", "given_J", "held_J")},
     ),
     # What is wanted, turned for the rubber at hand.
-    "adaptation": _Extra(
-        {n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")},
-    ),
+    "adaptation": _Extra({n: f"adaptation.{n}" for n in ("wish_gain", "wish_shift_Nm")}),
     "motor_temperature": _Extra(
         {"u_thermal_Nm": "motor_temperature.u_thermal_Nm"},
         inputs={"motor_C": ("motor_temperature.motor_C",)},

@@ -200,8 +200,7 @@ def _check_texts(file: DeviceFile) -> Iterator[UserError]:
             bad = "a line break or other control character"
         if bad is not None:
             yield UserError(
-                f"{key} holds {bad}, which would end or break a comment of the C.",
-                "Remove it.",
+                f"{key} holds {bad}, which would end or break a comment of the C.", "Remove it."
             )
 
 

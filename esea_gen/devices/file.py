@@ -330,8 +330,7 @@ def check_new_name(name: str) -> None:
     """Reject a name that a device of one's own cannot have."""
     if not re.fullmatch(NAME_PATTERN, name):
         raise UserError(
-            f"'{name}' cannot be a device's name: it becomes the prefix of the C.",
-            NAME_RULE,
+            f"'{name}' cannot be a device's name: it becomes the prefix of the C.", NAME_RULE
         )
     try:
         check_file_name(name)

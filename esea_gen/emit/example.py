@@ -153,11 +153,7 @@ def _rest(port: Port) -> float:
 def triangle_example(system: System) -> Triangle:
     source = next((x for x in system.inputs if x.port.size == 1), None)
     if source is None:
-        raise _nothing(
-            system,
-            "it has no external input of one number",
-            "Make one external.",
-        )
+        raise _nothing(system, "it has no external input of one number", "Make one external.")
     start, peak, lattice = _lattice(source.port)
 
     def alike(port: Port) -> bool:
@@ -193,10 +189,7 @@ class _Run:
     # The symbolic System, tick by tick, with inputs that stay until they are given anew.
 
     def __init__(
-        self,
-        system: System,
-        tunables: Mapping[str, Mapping[str, float]],
-        held: Mapping[str, float],
+        self, system: System, tunables: Mapping[str, Mapping[str, float]], held: Mapping[str, float]
     ) -> None:
         self.system, self.given = system, dict(held)
         self.simulator = system.simulator(tunables)
@@ -337,10 +330,7 @@ class _Recording:
             instance = x.signals[0].instance
             count = _encoder(self.system.blocks[instance], self.tunables.get(instance, {}))
             yield Column(x.name, (x,)), partial(self._counted, count, angles[_side(x)])
-        yield (
-            Column("mode", self.of("mode")),
-            lambda k: float(k >= self.start and Mode.TORQUE),
-        )
+        yield (Column("mode", self.of("mode")), lambda k: float(k >= self.start and Mode.TORQUE))
         yield Column("rearm", self.of("rearm")), lambda k: float(k >= self.arm)
         wanted = (*self.of("tau_desired_Nm"), *self.of("tau_preview_Nm"))
         if wanted:

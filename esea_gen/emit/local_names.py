@@ -69,10 +69,7 @@ def parts(kernel: Kernel, named: Mapping[int, str]) -> dict[int, str]:
 
 
 def meanings(
-    block: Any,
-    function: str,
-    kernel: Kernel,
-    base: Callable[[str], str] = str,
+    block: Any, function: str, kernel: Kernel, base: Callable[[str], str] = str
 ) -> dict[int, str]:
     """Names of values that no label names but a port does.
 

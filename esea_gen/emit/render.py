@@ -110,12 +110,7 @@ def _without_hash(system: System, fmt: Format, title: str) -> list[tuple[str, st
     return sorted(Renderer(system, fmt, "", "", title).folder().items())
 
 
-def content_hash(
-    system: System,
-    device_digest: str,
-    title: str,
-    formats: Iterable[Format],
-) -> str:
+def content_hash(system: System, device_digest: str, title: str, formats: Iterable[Format]) -> str:
     """The hash that runs through device, C, firmware, log and report.
 
     It covers the device file's content, the text of every emitted C file in the given number

@@ -120,10 +120,7 @@ def model_header(model: ExportedModel, token: str, command: str) -> str:
 
 
 def _filters(model: ExportedModel) -> None:
-    model.renderer.env.filters |= {
-        "xml": html.escape,
-        "double": lambda x: repr(float(x)),
-    }
+    model.renderer.env.filters |= {"xml": html.escape, "double": lambda x: repr(float(x))}
 
 
 def _is_binary(name: str) -> bool:

@@ -77,11 +77,7 @@ _MEMBERS = ("debian-binary", "control.tar.gz", "data.tar.gz")
 
 def ipk(control: Mapping[str, str], files: Mapping[str, tuple[bytes, int]]) -> bytes:
     told = "".join(f"{name}: {value}\n" for name, value in control.items()).encode()
-    parts = (
-        b"2.0\n",
-        _packed({"/control": (told, 0o644)}),
-        _packed(files),
-    )
+    parts = (b"2.0\n", _packed({"/control": (told, 0o644)}), _packed(files))
     # The archive as ar writes it, without a time or an owner; every member begins at an even place.
     made = b"!<arch>\n"
     for name, part in zip(_MEMBERS, parts, strict=True):

@@ -90,10 +90,7 @@ def write_texts(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def compile_sources(
-    files: Mapping[str, str],
-    flags: Sequence[str] = (),
-    link: Sequence[str] = (),
-    target: str = "",
+    files: Mapping[str, str], flags: Sequence[str] = (), link: Sequence[str] = (), target: str = ""
 ) -> Path:
     """Compile C files into a shared library, once for a given content.
 

@@ -38,11 +38,7 @@ DEVICE, COUNT, APART_S, NIGHT_S = "elbow", 16, 300.0, 12 * 3600.0
 AMPLITUDE_rad = np.deg2rad(10.0)
 # % of full scale: largest change of a session's error (table 3.6); error of the first session on
 # the first and on the second day (table 3.7).
-PUBLISHED = {
-    "60 %": (1.39, 3.72, 3.83),
-    "80 %": (2.70, 3.30, 3.35),
-    "100 %": (2.56, 3.52, 4.89),
-}
+PUBLISHED = {"60 %": (1.39, 3.72, 3.83), "80 %": (2.70, 3.30, 3.35), "100 %": (2.56, 3.52, 4.89)}
 
 
 @dataclass(frozen=True)

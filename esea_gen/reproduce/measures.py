@@ -30,11 +30,7 @@ READINGS = {"reference known ahead": MPC, "not known ahead": BLIND}
 PLANT = "real"
 SYMBOLS = "alpha", "beta", "omega", "k1", "k3", "A", "B", "m", "n", "eps1", "eps2", "kv"
 # Table 3.5: simple exercises at 0.2, 0.5 and 0.75 Hz, functional ones, rest between two in s.
-SESSIONS = {
-    "60 %": ((5, 5, 5), 5, 40),
-    "80 %": ((7, 7, 7), 7, 12),
-    "100 %": ((8, 8, 8), 10, 0),
-}
+SESSIONS = {"60 %": ((5, 5, 5), 5, 40), "80 %": ((7, 7, 7), 7, 12), "100 %": ((8, 8, 8), 10, 0)}
 SIMPLE_Hz, SIMPLE_CYCLES = (0.2, 0.5, 0.75), 20
 FUNCTIONAL_Hz, FUNCTIONAL_CYCLES = 0.2, 10  # five repetitions of four compressions
 

@@ -159,11 +159,7 @@ def _drawn(rows: Sequence[dict[str, Any]], swings_Nm: set[float]) -> Figure:
 
 
 def simulate_off(
-    study: str,
-    settings: Sequence[Setting],
-    *,
-    progress: Progress | None = None,
-    **how: Any,
+    study: str, settings: Sequence[Setting], *, progress: Progress | None = None, **how: Any
 ) -> Simulation | OffTable:
     """Run a study in settings that differ in controller and family; ``how`` as of `simulate`."""
     if not settings:

@@ -408,10 +408,7 @@ def _check_time(study: ClosedLoopStudy, text: str) -> None:
 
 
 def _run(
-    cases: list[dict[str, Any]],
-    keeping: int,
-    configuration: Configuration,
-    **how: Unpack[Running],
+    cases: list[dict[str, Any]], keeping: int, configuration: Configuration, **how: Unpack[Running]
 ) -> tuple[MonteCarlo, dict[str, Any]]:
     # Signals do not travel: the runs of which something is kept are done in this process, first.
     kept: dict[str, Any] = {}

@@ -77,12 +77,7 @@ def extremes(case: Case, run: ClosedLoopRun) -> tuple[float, float]:
 
 
 def run_trial(
-    parameter: str,
-    value: float,
-    held: Mapping[str, float],
-    controller: str,
-    plant: str,
-    seed: int,
+    parameter: str, value: float, held: Mapping[str, float], controller: str, plant: str, seed: int
 ) -> dict[str, float]:
     """Run and judge one value, in a worker."""
     # Gains that swing are to be seen doing it, not softened.

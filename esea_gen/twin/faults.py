@@ -20,12 +20,7 @@ KINDS = {
     "noise": (0.008, "rad", "white noise of this effective value is added"),
 }
 BITS = ("zero", "one")
-SIDES = {
-    "load": ("load",),
-    "motor": ("motor",),
-    "both": ("motor", "load"),
-    "gear": ("gear",),
-}
+SIDES = {"load": ("load",), "motor": ("motor",), "both": ("motor", "load"), "gear": ("gear",)}
 _FORM = re.compile(r"(?P<kind>[a-z]+):(?P<side>[a-z]+)@(?P<at>[^=]+)(=(?P<amount>.+))?")
 
 
@@ -81,7 +76,6 @@ def _number(text: str, what: str, given: str, low: float, high: float) -> float:
         value = float("nan")
     if not low <= value <= high:
         raise UserError(
-            f"'{text}': the {what} '{given}' is not a number from {low:g} to {high:g}.",
-            "Give one.",
+            f"'{text}': the {what} '{given}' is not a number from {low:g} to {high:g}.", "Give one."
         )
     return value

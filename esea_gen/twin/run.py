@@ -121,12 +121,7 @@ def run_case(case: Case, setting: Setting, seed: int) -> ClosedLoopRun:
 
 
 def run_on(
-    loop: ClosedLoop,
-    device: Device,
-    variant: PlantVariant,
-    case: Case,
-    setting: Setting,
-    seed: int,
+    loop: ClosedLoop, device: Device, variant: PlantVariant, case: Case, setting: Setting, seed: int
 ) -> ClosedLoopRun:
     """Run one case on a loop that is compiled already."""
     fixed = case.trajectory.clamped

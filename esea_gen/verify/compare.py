@@ -178,10 +178,7 @@ def _judge_residual(
 
 
 def unexplained(
-    port: Port,
-    expected: Mapping[str, Any],
-    got: Mapping[str, Any],
-    limits: Mapping[str, float],
+    port: Port, expected: Mapping[str, Any], got: Mapping[str, Any], limits: Mapping[str, float]
 ) -> int:
     """Steps whose status word differs more than rounding explains."""
     difference = expected[port.name].astype(np.int64) ^ got[port.name].astype(np.int64)

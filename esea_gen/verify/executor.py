@@ -202,10 +202,7 @@ def expected_counters(
 
 
 def step_arguments(
-    block: Block,
-    stream: Stream,
-    states: Mapping[str, Array],
-    fmt: Format,
+    block: Block, stream: Stream, states: Mapping[str, Array], fmt: Format
 ) -> list[Array]:
     """Arguments of every step of a recorded run, its coefficients those that stood in memory."""
     coefficients = coefficients_of(block, fmt, {})

@@ -235,10 +235,7 @@ def recorded_stream(device: Device, theta_rad: Array, name: str = "recorded") ->
     theta = single(theta_rad)
     rates, _ = device.velocity.simulator().run({"theta_rad": theta})
     given = {"theta_rad": theta, "omega_rad_s": single(rates["omega_mid_rad_s"])}
-    found = {
-        "velocity": Stream(name, {"theta_rad": theta}),
-        "sensor": Stream(name, given),
-    }
+    found = {"velocity": Stream(name, {"theta_rad": theta}), "sensor": Stream(name, given)}
     for block in device.system.kinds:
         if block.name == "smoothing":
             smooth, _ = block.simulator().run(given)

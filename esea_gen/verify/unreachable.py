@@ -13,11 +13,7 @@ from esea_gen.language.ports import Port
 from esea_gen.verify.intervals import ANYTHING, Interval, computed_intervals
 
 
-def guarded_ranges(
-    block: Block,
-    kernel: Kernel,
-    fmt: Format,
-) -> dict[int, Interval]:
+def guarded_ranges(block: Block, kernel: Kernel, fmt: Format) -> dict[int, Interval]:
     """Ranges for any inputs and states, which the guard enforces."""
 
     def passed(p: Port) -> Interval:

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from esea_gen.board.chips import (
-    Amplifier,
-    As5048a,
-    BissEncoder,
-    even_parity,
-)
+from esea_gen.board.chips import Amplifier, As5048a, BissEncoder, even_parity
 
 # -- chips -----------------------------------------------------------------------------------------
 

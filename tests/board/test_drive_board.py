@@ -10,11 +10,7 @@ from typer.testing import CliRunner
 
 import esea_gen
 from esea_gen.board import emulator
-from esea_gen.board.emulator import (
-    RunningBoard,
-    first_difference,
-    run_tasks_in_emulator,
-)
+from esea_gen.board.emulator import RunningBoard, first_difference, run_tasks_in_emulator
 from esea_gen.board.firmware import build_firmware
 from esea_gen.cli import app
 from esea_gen.errors import UserError

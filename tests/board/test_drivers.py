@@ -9,11 +9,7 @@ import itertools
 
 import pytest
 
-from esea_gen.board.chips import (
-    WIRE_FAULTS,
-    As5048a,
-    BissEncoder,
-)
+from esea_gen.board.chips import WIRE_FAULTS, As5048a, BissEncoder
 from esea_gen.model.encoder import FrameError
 
 LINE = 3

@@ -13,16 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from esea_gen.board.emulator import (
-    RunningBoard,
-    find_qemu,
-    first_difference,
-)
-from esea_gen.board.firmware import (
-    build_firmware,
-    double_arithmetic,
-    double_helpers,
-)
+from esea_gen.board.emulator import RunningBoard, find_qemu, first_difference
+from esea_gen.board.firmware import build_firmware, double_arithmetic, double_helpers
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
@@ -405,10 +397,7 @@ def test_processor_fault_is_told_and_halts(elbow, tmp_path, fault):
     need("arm-none-eabi-gcc", "qemu-system-arm")
     control = altered(elbow, STEP_BODY, rf"\1 {fault}")
     image = build_firmware(elbow, "netduinoplus2", tmp_path, control)
-    with (
-        pytest.raises(LinkError, match="fault exception"),
-        RunningBoard(elbow, image) as board,
-    ):
+    with pytest.raises(LinkError, match="fault exception"), RunningBoard(elbow, image) as board:
         step(board, 0, 0.1)
 
 

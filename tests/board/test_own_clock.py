@@ -19,12 +19,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
-from tests.proof.preempt import (
-    PreemptionResult,
-    instructions_of,
-    preempt_everywhere,
-    slower_task,
-)
+from tests.proof.preempt import PreemptionResult, instructions_of, preempt_everywhere, slower_task
 
 pytestmark = pytest.mark.ci
 

@@ -14,14 +14,7 @@ import pytest
 
 from esea_gen.board.sim import SimBoard
 from esea_gen.device import load_device
-from esea_gen.emit.states import (
-    EVENTS,
-    GUARDS,
-    STATES,
-    TIMES_MS,
-    follow,
-    states_header,
-)
+from esea_gen.emit.states import EVENTS, GUARDS, STATES, TIMES_MS, follow, states_header
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
 from tests.conftest import require_tool

@@ -8,9 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.emit.states import (
-    TIMES_MS,
-)
+from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.transport import LinkError
 from tests.board.test_states import TORQUE, rule
 from tests.sim_drive import ANGLES, powered_on

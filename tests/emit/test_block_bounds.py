@@ -227,11 +227,9 @@ def test_counts_that_lead_to_each_other_are_whole_only_together():
     # b is a; a is b: all whole, unless a third that is not comes in by one of them.
     def step(gain):
         def after(c, s, u, g, label):
-            return {
-                "a": s.b,
-                "b": s.a,
-                "d": clip(s.b + gain * u.k, 0, 9),
-            } | ({"b": s.d} if gain != 1 else {}), {"y_rad": u.x_rad * s.a}
+            return {"a": s.b, "b": s.a, "d": clip(s.b + gain * u.k, 0, 9)} | (
+                {"b": s.d} if gain != 1 else {}
+            ), {"y_rad": u.x_rad * s.a}
 
         return after
 

@@ -177,9 +177,7 @@ def errors_ulp(result: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         # Infinity is right from half a unit above the largest float on; an ULP there is 2^104.
         infinite = np.isinf(result)
         error = np.where(
-            infinite,
-            np.where(np.abs(wanted) >= 2.0**128 - 2.0**103 - 2.0**97, 0.0, np.inf),
-            error,
+            infinite, np.where(np.abs(wanted) >= 2.0**128 - 2.0**103 - 2.0**97, 0.0, np.inf), error
         )
         error = np.where(infinite & (np.sign(result) != np.sign(wanted)), np.inf, error)
         both = np.isnan(result) & np.isnan(wanted)

@@ -7,13 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from esea_gen.emit.build import (
-    MANIFEST,
-    Bundle,
-    build_command,
-    differences,
-    write_bundles,
-)
+from esea_gen.emit.build import MANIFEST, Bundle, build_command, differences, write_bundles
 from esea_gen.errors import UserError
 
 

@@ -109,9 +109,7 @@ def build(tree, x):
 
 @settings(max_examples=150)
 @drawn(
-    expressions(),
-    st.lists(st.floats(-2, 2, width=32), min_size=3, max_size=3),
-    st.floats(0.001, 1),
+    expressions(), st.lists(st.floats(-2, 2, width=32), min_size=3, max_size=3), st.floats(0.001, 1)
 )
 def test_the_bound_holds_for_any_expression(tree, centre, width):
     x = ca.SX.sym("x", 3)

@@ -104,11 +104,7 @@ def test_two_arms_of_a_condition_and_its_opposite_are_fused_in_either_order(arms
         assert made.nodes == tuple(nodes)
         return
     # The other condition is a result, the opposite and both arms are nobody's.
-    assert made.nodes == (
-        *nodes[:4],
-        Node("select", (3, 0, 1)),
-        Node("sub", (4, 1)),
-    )
+    assert made.nodes == (*nodes[:4], Node("select", (3, 0, 1)), Node("sub", (4, 1)))
     assert made.results == ((5, 2), (4,))
 
 

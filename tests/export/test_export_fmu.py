@@ -140,10 +140,7 @@ def loop(folder, drive):
     signals = told(drive, compiled, moved, TORQUE) | {"noise": noise}
     run = compiled.run(signals)
     twin = twin_model(plant, TICK_S, drive.title, drive.digest)
-    return {
-        "run": run,
-        "signals": signals,
-    } | {
+    return {"run": run, "signals": signals} | {
         (which, fmi): written(folder, make_fmu(model, fmi), f"{which}{fmi}")
         for which, model in (("controller", controller_model(drive)), ("twin", twin))
         for fmi in ("2", "3")

@@ -289,9 +289,6 @@ def test_an_export_that_fails_leaves_nothing(demo, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("csv.writer", full)
-    with (
-        esea_host.open_log(demo.recording) as log,
-        pytest.raises(UserError, match="No space left"),
-    ):
+    with esea_host.open_log(demo.recording) as log, pytest.raises(UserError, match="No space left"):
         to_csv(log, "sense_out", tmp_path / "a.csv")
     assert list(tmp_path.iterdir()) == []

@@ -17,12 +17,7 @@ from esea_gen.devices.file import render_toml
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.hostlib.library import (
-    HostLibrary,
-    block_system,
-    compile_block,
-    compile_device,
-)
+from esea_gen.hostlib.library import HostLibrary, block_system, compile_block, compile_device
 from esea_gen.identify.inverse import judge_inverse, refit_inverse
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording

@@ -108,10 +108,7 @@ def broken(change) -> Program:
     [
         (lambda b: b.memory.pop("in.x"), "p: no array for port x"),
         (lambda b: b.memory.update({"in.x": Memory("in.x", 2, "in", X)}), "p: no array for port x"),
-        (
-            lambda b: b.memory.update({"out.y": Memory("y", 4, "in", Y)}),
-            "p: no array for port y",
-        ),
+        (lambda b: b.memory.update({"out.y": Memory("y", 4, "in", Y)}), "p: no array for port y"),
         (lambda b: b.parts.update(other=b.parts.pop("step")), "p: no part 'step'"),
         *(
             (lambda b, n=n: put_into(b, b.memory[n][0]), f"p: put0 writes to {n}")

@@ -41,10 +41,7 @@ def test_a_board_that_started_again_leaves_a_gap_as_long_as_it_was_away(
         tick()
 
     monkeypatch.setattr(drive, "tick", turn)
-    with (
-        esea_host.connect(cut.address) as device,
-        device.record(tmp_path / "a.mcap") as recording,
-    ):
+    with esea_host.connect(cut.address) as device, device.record(tmp_path / "a.mcap") as recording:
         device.listen_named(["tau_Nm"])
         monkeypatch.setattr(device_module, "identify", lambda *a: time.sleep(away_s) or known(*a))
         until(lambda: recording.rows >= 2000)

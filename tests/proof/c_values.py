@@ -8,17 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .smt import (
-    FALSE,
-    FLOAT,
-    TRUE,
-    Script,
-    every,
-    implied,
-    negated,
-    whole,
-    word,
-)
+from .smt import FALSE, FLOAT, TRUE, Script, every, implied, negated, whole, word
 
 
 class CType(NamedTuple):

@@ -57,11 +57,7 @@ PARTS = {
         "eva_store.c",
         defines=("-DESEA_EVA_SLOT",),
         taken=("crc_in_flash",),
-        options={
-            "-eva-precision": "2",
-            "-eva-domains": "gauges",
-            "-eva-min-loop-unroll": "80",
-        },
+        options={"-eva-precision": "2", "-eva-domains": "gauges", "-eva-min-loop-unroll": "80"},
     ),
     "store, a sum": AnalysedPart(
         "eva_store.c",
@@ -71,11 +67,7 @@ PARTS = {
             *("-DESEA_STORE_LIVES=1u", "-DESEA_LIFE_CLASSES=2u", "-DESEA_LIFE_POINTS=2u"),
         ),
         taken=("crc_over",),
-        options={
-            "-eva-precision": "1",
-            "-eva-slevel": "30",
-            "-eva-min-loop-unroll": "10",
-        },
+        options={"-eva-precision": "1", "-eva-slevel": "30", "-eva-min-loop-unroll": "10"},
     ),
     "parser": AnalysedPart(
         "eva_parser.c",
@@ -91,11 +83,7 @@ PARTS = {
         "eva_parser.c",
         defines=("-DESEA_EVA_SIGNATURE",),
         taken=("mavlink_sha256_calc",),
-        options={
-            "-eva-precision": "1",
-            "-eva-slevel": "60",
-            "-eva-min-loop-unroll": "20",
-        },
+        options={"-eva-precision": "1", "-eva-slevel": "60", "-eva-min-loop-unroll": "20"},
     ),
     "link": AnalysedPart(
         "eva_link.c",
@@ -164,10 +152,7 @@ def prove_firmware(
 
 
 def prove_drive(
-    device: Device,
-    real: str,
-    free: bool = False,
-    change: Callable[[str, str], str] | None = None,
+    device: Device, real: str, free: bool = False, change: Callable[[str, str], str] | None = None
 ) -> EvaResult:
     """Analyse a whole device: its tasks, latches and conversions, with all its Blocks."""
     fmt = FORMATS[real]

@@ -302,8 +302,7 @@ def _agreement(s: Step) -> str:
     opened = every(s.after("key").equals(KEY), s.out("fault").equals(0))
     shown = negated(s.flag("FAULT_LATCHED"))
     same = every(
-        s.out("fault").equals(s.after("fault_stored")),
-        s.out("u_Nm").equals(s.after("u_last_Nm")),
+        s.out("fault").equals(s.after("fault_stored")), s.out("u_Nm").equals(s.after("u_last_Nm"))
     )
     return every(same, some(s.cut, every(opened, shown)))
 

@@ -239,11 +239,7 @@ def replay_device(
 
 
 def _cases(
-    device: Device,
-    library: HostLibrary,
-    fmt: Format,
-    steps: int,
-    blocks: Sequence[str] | None,
+    device: Device, library: HostLibrary, fmt: Format, steps: int, blocks: Sequence[str] | None
 ) -> Iterator[tuple[str, Stream, list[Array], np.dtype[Any], list[Array]]]:
     # Name, stream, inputs as the C's numbers, type of the state, outputs and states expected.
     for block in chosen_blocks(device, blocks):

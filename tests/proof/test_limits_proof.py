@@ -148,8 +148,7 @@ def test_a_comparison_that_lets_nan_through_breaks_a_property(drive):
 
 
 @pytest.mark.parametrize(
-    "line",
-    ["while (v) { v = 0; }", "double v = 0.0;", "int v = (int)0.5f;", "int v = other(1);"],
+    "line", ["while (v) { v = 0; }", "double v = 0.0;", "int v = (int)0.5f;", "int v = other(1);"]
 )
 def test_c_that_is_not_understood_is_refused(drive, line):
     from .limits_step import LimitsC, Step

@@ -167,11 +167,7 @@ class _Cascade:
         grown = integral + ca.if_else(rests, 0, self.h * c.integral_1_s2 * now)
         full = ca.fabs(grown) > self.integral_lim
         grown = clip(grown, -self.integral_lim, self.integral_lim)
-        next_state = {
-            "active": on,
-            "integral_Nm_s": ca.if_else(on, grown, 0),
-            "u_last_Nm": command,
-        }
+        next_state = {"active": on, "integral_Nm_s": ca.if_else(on, grown, 0), "u_last_Nm": command}
         status = guard.status(ca.logic_and(on, beyond), ca.logic_and(on, ca.logic_or(rests, full)))
         return next_state, {"u_command_Nm": command, "status": status}
 

@@ -53,11 +53,7 @@ SAME = "the same step"
 # measurement, as the limits get it, to a motor command of zero; docs/limits.md describes how.
 FAULTS = {
     Fault.NONE: ("released", "nothing to do", ""),
-    Fault.NOT_ARMED: (
-        "not armed since power-up or reset",
-        "rearm",
-        "from the first step on",
-    ),
+    Fault.NOT_ARMED: ("not armed since power-up or reset", "rearm", "from the first step on"),
     Fault.STATE_CORRUPT: (
         "the limits' memory was corrupt",
         "rearm; if it recurs, service: memory or stack is faulty",

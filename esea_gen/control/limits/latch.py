@@ -127,11 +127,7 @@ def _control_age(n: LimitNumbers, s: Any, u: Any, label: Labels) -> ca.SX:
     delivered = ca.logic_and(u.control_beat >= 1, ca.logic_not(u.control_beat == s.beat_last))
     return label(
         "age_ticks",
-        ca.if_else(
-            u.control_beat >= 1,
-            ca.if_else(delivered, 0.0, older),
-            n.stale_ticks,
-        ),
+        ca.if_else(u.control_beat >= 1, ca.if_else(delivered, 0.0, older), n.stale_ticks),
         "periods since the control task delivered",
     )
 

@@ -72,10 +72,7 @@ class _Redundancy:
                 "an input was NaN or outside its range",
                 "the state was corrupt and the zero is lost; the limits latch",
                 Flag("NOT_COMPARED", "an encoder is unusable; no comparison"),
-                Flag(
-                    "ANGLES_PART",
-                    "the motor's encoder contradicts the motor-side encoder",
-                ),
+                Flag("ANGLES_PART", "the motor's encoder contradicts the motor-side encoder"),
                 Flag(
                     "TORQUES_PART",
                     "the drive's motion contradicts the torques of motor and coupling",

@@ -246,9 +246,7 @@ def _energy(block: Block, rng: np.random.Generator) -> Stream:
     j.release()
     for sign in (1.0, -1.0):
         j.put(
-            ticks,
-            tau_Nm=0.9 * t["tau_max_Nm"],
-            omega_load_rad_s=sign * 0.75 * t["omega_max_rad_s"],
+            ticks, tau_Nm=0.9 * t["tau_max_Nm"], omega_load_rad_s=sign * 0.75 * t["omega_max_rad_s"]
         )
         j.at += 4
         j.release()

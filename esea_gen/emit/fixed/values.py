@@ -15,12 +15,7 @@ from esea_gen.emit.integers import UNSIGNED, chosen_nodes, integer_nodes
 from esea_gen.emit.local_names import stem
 from esea_gen.emit.printed import number_name
 from esea_gen.emit.spans import COMPARES
-from esea_gen.emit.walker import (
-    Kernel,
-    UnsupportedOperationError,
-    status_words,
-    use_counts,
-)
+from esea_gen.emit.walker import Kernel, UnsupportedOperationError, status_words, use_counts
 from esea_gen.language.ports import Port, Tunable
 
 NARROW_LIMIT = 2**31 - 1

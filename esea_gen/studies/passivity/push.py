@@ -115,11 +115,7 @@ def push_case(
 
 
 def judge_push(
-    run: ClosedLoopRun,
-    hand: Hand,
-    kp_Nm_rad: float,
-    u_max_Nm: float,
-    wall_Nm_rad: float = 0.0,
+    run: ClosedLoopRun, hand: Hand, kp_Nm_rad: float, u_max_Nm: float, wall_Nm_rad: float = 0.0
 ) -> PushRun:
     theta, omega = run.plant["theta_l_rad"], run.plant["omega_l_rad_s"]
     # From the push on: before it, the torque's error of 10 mNm may move a soft hand by 4 mrad.

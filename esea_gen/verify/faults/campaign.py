@@ -312,11 +312,7 @@ def campaign_cases(device: Device, origin: str, runs: int, seed: int) -> list[di
 
 
 def fault_campaign(
-    origin: str,
-    *,
-    runs: int = DEFAULT_RUNS,
-    seed: int = 0,
-    **how: Unpack[Running],
+    origin: str, *, runs: int = DEFAULT_RUNS, seed: int = 0, **how: Unpack[Running]
 ) -> FaultCampaign:
     """Let a device's board ``sim`` fail in so many ways, with plant and person in the loop."""
     device = loaded(origin)

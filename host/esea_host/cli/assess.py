@@ -34,8 +34,7 @@ assess = typer.Typer(
 app.add_typer(assess, name="assess")
 
 DataOption = Annotated[
-    Path | None,
-    option("--database FILE", "Database; default: the simulated knee's."),
+    Path | None, option("--database FILE", "Database; default: the simulated knee's.")
 ]
 BoardOption = Annotated[
     str | None,
@@ -45,12 +44,10 @@ BoardOption = Annotated[
     ),
 ]
 ZeroOption = Annotated[
-    bool,
-    option("--zero", "Zero the board first: straight leg at rest, hands off."),
+    bool, option("--zero", "Zero the board first: straight leg at rest, hands off.")
 ]
 PatientOption = Annotated[
-    str | None,
-    option("--patient", "simulated:S3, simulated:S2+D4, simulated:rigid, or :any."),
+    str | None, option("--patient", "simulated:S3, simulated:S2+D4, simulated:rigid, or :any.")
 ]
 SeedOption = Annotated[int, option("--seed", "Seed of the simulated patient.", min=0)]
 HeightOption = Annotated[float, option("--height-m", "Body height, 1.0 to 2.3.")]
@@ -132,8 +129,7 @@ def evaluate(
 @assess.command(epilog=NOTICE)
 def run(
     recording: Annotated[
-        list[Path] | None,
-        option("--recording FILE", "Read a movement; repeatable."),
+        list[Path] | None, option("--recording FILE", "Read a movement; repeatable.")
     ] = None,
     device: BoardOption = None,
     key: KeyOption = None,

@@ -30,13 +30,7 @@ from esea_gen.link.session import Session
 from esea_gen.link.signing import new_key_path, set_aside
 from esea_gen.link.transport import LinkError
 from esea_host.cli.app import app, out, say
-from esea_host.cli.options import (
-    AddressArgument,
-    DeviceOption,
-    JsonOption,
-    KeyOption,
-    output_file,
-)
+from esea_host.cli.options import AddressArgument, DeviceOption, JsonOption, KeyOption, output_file
 from esea_host.connection import life_told, open_device
 
 UNTIL_OFF = "until power-off"  # what the board says that cannot store its key

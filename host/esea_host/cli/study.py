@@ -59,8 +59,7 @@ def check(
     ],
     task: TaskOption = None,
     device: Annotated[
-        str | None,
-        option("--device", "Compare with this board too: sim:wrist_drive, serial:..."),
+        str | None, option("--device", "Compare with this board too: sim:wrist_drive, serial:...")
     ] = None,
     key: KeyOption = None,
     trust: TrustOption = None,
@@ -142,8 +141,7 @@ def enrol(
         str, option("--obtained-by", "Who obtained the consent; default: the operator.")
     ] = "",
     stratum: Annotated[
-        list[str] | None,
-        option("--stratum FACTOR=LEVEL", "Stratum; once per factor."),
+        list[str] | None, option("--stratum FACTOR=LEVEL", "Stratum; once per factor.")
     ] = None,
     operator: OperatorOption = "",
 ) -> None:

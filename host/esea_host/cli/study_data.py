@@ -92,8 +92,7 @@ def export(
         bool, option("--check", "Write nothing; list what could identify a person.")
     ] = False,
     labels: Annotated[
-        bool,
-        option("--labels", "Blinded study: conditions by neutral names, not left out."),
+        bool, option("--labels", "Blinded study: conditions by neutral names, not left out.")
     ] = False,
     trust: TrustOption = None,
     operator: OperatorOption = "",

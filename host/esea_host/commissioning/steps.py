@@ -465,7 +465,7 @@ def steps_of(device: Device) -> tuple[CommissioningStep, ...]:
 def guide(device: Device) -> list[str]:
     reach = math.degrees(_reach_rad(device))
     lines = [
-        f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg.",
+        f"Commissioning of {device.name} ({device.title}); joint free from 0 to {reach:.0f} deg."
     ]
     for k, step in enumerate(steps_of(device), 1):
         motor = "; THE MOTOR MOVES" if step.motor else ""

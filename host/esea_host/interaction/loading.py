@@ -183,8 +183,7 @@ def analyse_loading(
     branches = [b for b in loading_branches(theta) if not (skip_first and b.first)]
     if len({b.positive for b in branches}) < 2 or len(branches) < 3:
         raise UserError(
-            f"{len(branches)} loading branches.",
-            "Record at least 3, on both sides of rest.",
+            f"{len(branches)} loading branches.", "Record at least 3, on both sides of rest."
         )
     pieces = [(theta[b.start : b.stop], tau[b.start : b.stop]) for b in branches]
     whole, at_rest = _line(pieces)

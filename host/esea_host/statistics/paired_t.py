@@ -43,11 +43,5 @@ def standardised_difference(x: ArrayLike, y: ArrayLike | None = None) -> PairedE
     statistic = mean / sd * math.sqrt(n)
     half = float(t.isf(TAIL, n - 1)) * sd / math.sqrt(n)
     return PairedEffect(
-        n,
-        mean,
-        mean - half,
-        mean + half,
-        sd,
-        mean / sd,
-        float(2 * t.sf(abs(statistic), n - 1)),
+        n, mean, mean - half, mean + half, sd, mean / sd, float(2 * t.sf(abs(statistic), n - 1))
     )
