@@ -253,9 +253,16 @@ def result_schema(name: str) -> str:
 def read_json(path: Path, fix: str) -> Any:
     data = read_whole(path, fix)
     try:
-        return json.loads(data)
+        return json.loads(data, object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{path}: cannot be read as JSON ({error}).", fix) from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError(f"a name twice among {', '.join(n for n, _ in pairs[:9])}")
+    return found
 
 
 def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:

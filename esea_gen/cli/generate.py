@@ -113,11 +113,12 @@ def check(
 
 
 def _tell(name: str, found: list[str]) -> int:
+    most = 60 if len(found) < 10 else 4  # of many files their names
     for diff in found:
         lines = diff.splitlines()
-        out.print("\n".join(lines[:60]))
-        if len(lines) > 60:
-            out.print(f"... {len(lines) - 60} more lines")
+        out.print("\n".join(lines[:most]))
+        if len(lines) > most:
+            out.print(f"... {len(lines) - most} more lines")
     out.print(f"{name}: {len(found)} stale files" if found else f"{name}: current")
     return len(found)
 

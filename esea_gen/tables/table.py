@@ -141,6 +141,7 @@ class FileTable:
     digest: str  # First 16 digits of the file's SHA-256
     left_out: tuple[str, ...] = ()  # what was left out, with counts and lines
     settings: str = ""  # where users set the format, if anywhere
+    marked: bool = False  # as simulated, by its first line
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -151,10 +152,11 @@ class FileTable:
 
     @property
     def simulated(self) -> bool:
-        """Whether a column marks the rows so; one in words is somebody else's."""
+        """Whether first line or a column marks the rows so; one in words is somebody else's."""
         with suppress(UserError):
-            return SIMULATED in self.cells and bool(self.numbers(SIMULATED, holes=True).any())
-        return False
+            if SIMULATED in self.cells and self.numbers(SIMULATED, holes=True).any():
+                return True
+        return self.marked
 
     def at(self, row: int, column: str = "") -> str:
         """The place of a cell or row for a message, beginning with the file."""

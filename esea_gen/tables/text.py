@@ -22,6 +22,7 @@ from esea_gen.tables.table import (
     GROUPED,
     NOT_FINITE,
     POINT,
+    SIMULATED,
     FileTable,
     TableFormat,
     check_unique,
@@ -126,6 +127,7 @@ class TextReader:
             digest,
             tuple(self.left_out),
             self.settings,
+            re.match(rf"#[ \t]*{SIMULATED}[ \t]*[\r\n]", self.text) is not None,
         )
 
     def _header(self) -> tuple[int, list[str], int, Iterator[tuple[int, list[str]]]]:

@@ -16,7 +16,7 @@ from esea_gen.tables import SIMULATED, FileTable, read_table
 from esea_gen.tables.table import listed
 from esea_host import smoothness
 from esea_host.interaction.metrics import Metric
-from esea_host.interaction.recordings import Array, is_simulated
+from esea_host.interaction.recordings import Array
 from esea_host.recording.export import longest_run
 from esea_host.recording.log import TICK
 
@@ -164,8 +164,9 @@ def measure_file(
         if error.reason == "cutoff" and over.unit is None:
             fix += f" If '{over.column}' is in milliseconds, give --time-unit ms."
         raise UserError(f"{path.name}: {error.what}", fix) from None
-    simulated = table.simulated or is_simulated(path)
-    return OwnSmoothness(path.name, simulated, moved, over, tuple(read), made, results, refused)
+    return OwnSmoothness(
+        path.name, table.simulated, moved, over, tuple(read), made, results, refused
+    )
 
 
 def _named(table: FileTable, wanted: str) -> NamedColumn:

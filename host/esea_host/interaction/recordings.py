@@ -217,8 +217,7 @@ def _stacked(
     for e in entries:
         angles[e.participant, e.element], rates[e.file], table = steady_angle(folder / e.file)
         tables.append(table)
-        marked = table.simulated or is_simulated(folder / e.file)
-        if marked and not manifest.simulated:
+        if table.simulated and not manifest.simulated:
             raise UserError(
                 f"{MANIFEST}: {e.file} is marked as simulated.", "Write simulated = true."
             )
