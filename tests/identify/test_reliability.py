@@ -139,10 +139,11 @@ def test_a_table_of_specimens_is_read(tmp_path):
     assert {n: x.tolist() for n, x in found.items()} == {"left": [1, -30], "right": [2.5, 4]}
     path.write_text("conditions,a\n1,2\n")
     assert list(read_specimens(path)[1]) == ["conditions", "a"]
-    path.write_text("a,b,simulated\n1,2,1\n")
-    table, found = read_specimens(path)
-    assert list(found) == ["a", "b"]
-    assert table.report().endswith("; SIMULATED")
+    for text in ("a,b,simulated\n1,2,1\n", "# simulated\na,b\n1,2\n"):
+        path.write_text(text)
+        table, found = read_specimens(path)
+        assert list(found) == ["a", "b"]
+        assert table.report().endswith("; SIMULATED")
     path.write_text("a,b [mNm]\n1,2\n")
     with pytest.raises(UserError, match="states the unit mNm"):
         read_specimens(path)

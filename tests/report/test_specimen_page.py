@@ -218,6 +218,7 @@ def other_device() -> str:
     [
         (lambda: "none.json", "none.json: cannot be read (No such file"),
         (lambda: "rig.csv", "rig.csv: cannot be read as JSON"),
+        (lambda: [Path("b.json").write_text('{"a": 1, "a": 2}'), "b.json"][1], "a name twice"),
         (
             lambda: change("rig.json", schema="friction"),
             "holds a result of 'friction'; expected: identify",
