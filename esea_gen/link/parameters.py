@@ -18,6 +18,10 @@ class BoardParameter:
     default: float  # as built
     fixed: bool  # whether only a calibration sets it
 
+    def told(self, text: str) -> str:
+        """A value with its unit, if it has one."""
+        return text if self.unit == "1" else f"{text} {self.unit}"
+
 
 def known_parameters(dialect: Any) -> list[BoardParameter]:
     entries = dialect.enums.get("ESEA_PARAM", {})

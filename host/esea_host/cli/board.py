@@ -80,14 +80,14 @@ def _changed(session: Session, kept: KeptValue) -> str:
     if kept.found == "unknown":
         return f"{kept.name}: {kept.value:g} was saved, but this firmware has no such parameter"
     p = find_parameter(session.known_parameters(), kept.name)
-    unit = "" if p.unit == "1" else f" {p.unit}"
+    bounds = p.told(f"outside {p.low:g} to {p.high:g}")
     why = {
-        "clipped": f"outside {p.low:g} to {p.high:g}{unit}, taken to the bound",
-        "out of bounds": f"outside {p.low:g} to {p.high:g}{unit}, not taken",
+        "clipped": f"{bounds}, taken to the bound",
+        "out of bounds": f"{bounds}, not taken",
         "conflicting": "refused with the other values, not taken",
     }[kept.found]
-    now = session.parameter(kept.name)
-    return f"{kept.name}: {kept.value:g}{unit} was saved, {why}; in force {now:g}{unit}"
+    saved, now = (p.told(f"{x:g}") for x in (kept.value, session.parameter(kept.name)))
+    return f"{kept.name}: {saved} was saved, {why}; in force {now}"
 
 
 @app.command()

@@ -313,7 +313,7 @@ def parameters(
         for full, value in wanted.items():
             if values[full] == value:
                 continue
-            out.print(f"{full}: {values[full]:g} -> {value:g} {known[full].unit}")
+            out.print(f"{full}: {values[full]:g} -> {known[full].told(f'{value:g}')}")
             values[full] = board.set(full, value)
         if save is not None:
             content = {"parameters": values, "simulated": board.simulated}
@@ -326,7 +326,7 @@ def parameters(
         if not (assign or load) and save is None and not keep:
             for name, p in known.items():
                 bounds = f"[{p.low:g}, {p.high:g}]"
-                out.print(f"{name} = {values[name]:g} {p.unit}  {bounds}  {p.meaning}")
+                out.print(f"{name} = {p.told(f'{values[name]:g}')}  {bounds}  {p.meaning}")
 
 
 def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) -> dict[str, float]:
@@ -351,7 +351,7 @@ def _wanted(board: ConnectedDevice, loaded: dict[str, float], typed: list[str]) 
             with np.errstate(over="ignore"):
                 held = np.array([p.low, number, p.high], np.float32)  # as the board holds them
             if not held[0] <= held[1] <= held[2]:
-                limits = f"{p.low:g} to {p.high:g} {p.unit}"
+                limits = p.told(f"{p.low:g} to {p.high:g}")
                 raise UserError(f"{text} is not a number from {limits}.", "Nothing was set.")
             of[p.name] = number
     return found[0] | found[1]
