@@ -257,7 +257,7 @@ def test_loads_outside_the_domain_are_refused(elbow):
     assert static_torque_Nm(elbow, theta) == pytest.approx(slow, abs=1e-6)
     low, high = load_range_Nm(elbow)
     assert (low, high) == pytest.approx((0.25 * FULL, by_hand))
-    for share, message in ((1.001 * high, "Hang at most 2.00"), (0.999 * low, "Hang at least 0.5")):
+    for share, message in ((1.001 * high, "Hang at most 2.00"), (0.999 * low, "Hang at least 0.9")):
         with pytest.raises(UserError, match=message):
             TorqueCheck(elbow, replace(KNOWN, mass_kg=share / 9.81 / 0.2))
     for share in (0.999 * high, 1.001 * low):

@@ -120,11 +120,12 @@ class TorqueCheck:
                 "arm.",
             )
         if torque < low:
+            enough = min(high, max(low, judged_from_Nm(self.device)))
             raise UserError(
                 f"{given}, below {low:.3g} Nm, {SMALLEST_LOAD_PCT:g} % of full scale: too small "
                 "for a verdict.",
-                f"Hang at least {math.ceil(low * g_per_Nm) / 1000:g} kg there, or lengthen the "
-                "arm.",
+                f"Hang at least {math.ceil(enough * g_per_Nm) / 1000:g} kg there, or lengthen "
+                "the arm.",
             )
         expanded, most = COVERAGE * self.known.u_torque_Nm, MOST_UNCERTAIN_SHARE
         room = most * self.limit_Nm("accuracy")
