@@ -88,9 +88,9 @@ def marked(body: str, command: str) -> str:
     return f"{MARK} {command}.  {said}\n{body}"
 
 
-def write_device(path: Path, text: str) -> None:
+def write_device(path: Path, text: str, overwrite: bool = False) -> None:
     """Write a marked device file atomically, and never over a file edited by hand."""
-    if path.exists() and not _ours(path):
+    if path.exists() and not overwrite and not _ours(path):
         raise UserError(
             f"'{path}' exists and was not written by esea-gen, or was changed by hand since.",
             "Choose another folder or device.name, or move the file away.",
@@ -159,12 +159,12 @@ class Identified:
         """The device file, marked."""
         return marked(self.device.toml(), "identify")
 
-    def write(self, folder: str | Path) -> Path:
+    def write(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write ``<name>.toml``, as :func:`write_device` does."""
         path, text = Path(folder) / f"{self.device.name}.toml", self.toml()
         if parse_device(text, path.name).canonical() != self.device.canonical():
             raise RuntimeError(f"{path.name} does not read back to what was identified")
-        write_device(path, text)
+        write_device(path, text, overwrite)
         return path
 
 
