@@ -58,11 +58,12 @@ def trend(device: DeviceData, ends_s: Sequence[float] = (), name: str = "trend")
 class _Trend:
     def __init__(self, device: DeviceData, ends_s: Sequence[float], name: str) -> None:
         drive = drive_of(device)
-        self.h, self.tau_lim = drive.control_period_s, drive.tau_Nm
+        self.h, self.tau_lim, self.by = drive.control_period_s, drive.tau_Nm, drive.torque_scale
         self.ends_s = tuple(ends_s)
         self.high_Hz = 0.1 / self.h
         fastest_Hz = SWING_HZ if self.ends_s else FASTEST_HZ
         self.rate_lim, self.acc_lim = motion_limits(device, fastest_Hz)
+        self.quiet = [self.by * x for x in (QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM)]
         self.keep_noise = math.exp(-self.h / NOISE_S)
         self.keep_step = math.exp(-self.h / STEPPED_S)
         self.step_lim = 2 * self.tau_lim
@@ -77,7 +78,7 @@ class _Trend:
         self.title = "Desired torque, extrapolated from its past"
         self.coefficients = (
             Port("quick", 0.0, 1.0, "1 minus the pole, without noise"),
-            Port("noises_1_Nm", 0.0, 1.01 / QUIET_LOW_NM, "1 / noise that halves the bandwidth"),
+            Port("noises_1_Nm", 0.0, 1.01 / self.quiet[1], "1 / noise that halves the bandwidth"),
         )
         self.inputs: tuple[Port, ...] = (
             around("tau_wanted_Nm", self.tau_lim, "present desired torque", on_invalid="last_Nm"),
@@ -92,7 +93,7 @@ class _Trend:
         source = "docs/trend.md"
         self.tunables = (
             Tunable("bandwidth_Hz", own, low, self.high_Hz, sees, source),
-            Tunable("quiet_Nm", QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM, quiet, source),
+            Tunable("quiet_Nm", *self.quiet, quiet, source),
         )
         self.state: tuple[Port, ...] = (
             Port.flag("primed", "1 once a valid value has been seen"),
@@ -140,7 +141,7 @@ class _Trend:
         least, most = ca.fmin(first, second), ca.fmax(first, second)
         middle = label("median_Nm", ca.fmax(least, ca.fmin(most, fresh)), "median of three")
         aside = label("aside_Nm", fresh - middle, "what a step adds")
-        room = label("room_Nm", STEP_NM + STEP_NOISES * s.noise_Nm, "what counts in full")
+        room = label("room_Nm", self.by * STEP_NM + STEP_NOISES * s.noise_Nm, "what counts in full")
         # In full up to the room, less beyond it, nothing from twice the room on.
         left = ca.fmax(2 * room - ca.fabs(aside), 0)
         kept = clip(aside, -left, left)
@@ -152,7 +153,7 @@ class _Trend:
         primed = ca.logic_or(s.primed, ok)
         fresh = label("fresh_Nm", ca.if_else(s.primed, u.tau_wanted_Nm - s.last_Nm, 0), "increment")
         grown, jump = self.increment(s, fresh, label)
-        share = ca.fmin(jump * (1 / JUMP_NM), 1)
+        share = ca.fmin(jump * (1 / (self.by * JUMP_NM)), 1)
         stepped = label("stepped", ca.fmax(share, self.keep_step * s.stepped), "a step of late")
         one, two = ca.vertsplit(s.grown_Nm)
         bend = ca.fabs(grown - 2 * one + two)
@@ -213,7 +214,9 @@ class _Trend:
         most = (2 * math.pi * SWING_HZ) ** 2
         # Of the sampled pole, a quarter of a step more than its sum.
         lag = label("lag_s", ca.fmin(self.h * (1 / seen.q - 0.75), LAG_S), "of one pole")
-        w2 = ca.fmin(means["accs_Nm2_s4"] / (means["rates_Nm2_s2"] + STILL_NM_S**2), most)
+        w2 = ca.fmin(
+            means["accs_Nm2_s4"] / (means["rates_Nm2_s2"] + (self.by * STILL_NM_S) ** 2), most
+        )
         w2 = ca.fmin(w2 / (1 - 9 * lag * lag * w2), most)
         w2 = label("swing_1_s2", w2, "[trend 5] square of how fast it goes to and fro")
         y = w2 * lag * lag

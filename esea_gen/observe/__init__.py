@@ -9,6 +9,8 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import f32_inside, threshold
 
+ELBOW_NM = 4.47
+
 
 # Ranges are the largest plausible magnitudes; d4 is the acceleration that the whole motor torque
 # gives, for more than that no command could make up.
@@ -28,6 +30,7 @@ class Drive:
     tau_h_Nm: float
     u_Nm: float
     d4_rad_s2: float
+    torque_scale: float  # full scale over the elbow's, on which absolute numbers were found
 
 
 def has_drive(device: DeviceData) -> bool:
@@ -69,4 +72,5 @@ def drive_of(device: DeviceData) -> Drive:
         tau_h_Nm=threshold(j.tau_human_max_Nm.value),
         u_Nm=threshold(a.u_max_Nm.value),
         d4_rad_s2=threshold(a.gear_ratio.value * a.u_max_Nm.value / a.J_kgm2.value),
+        torque_scale=device.tau_full_scale_Nm / ELBOW_NM,
     )

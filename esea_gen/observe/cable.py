@@ -200,8 +200,9 @@ class _Cable:
         by_torque = ca.if_else(goes_on, pull - s.mean_Nm, 0.0)
         by_torque = label("change_Nm", by_torque, "[cable 6] since taut")
         missed = label("missed_rad", by_angle - s.give_rad_Nm * by_torque, "[cable 6]")
-        step = clip(missed, -self.most, self.most) * clip(by_torque, -1.0, 1.0)
-        give = s.give_rad_Nm + LEARN_1_Nm2 * self.share * step
+        by = self.drive.torque_scale
+        step = clip(missed, -self.most, self.most) * clip(by_torque, -by, by)
+        give = s.give_rad_Nm + LEARN_1_Nm2 / by**2 * self.share * step
         share = self.mean_share
         return {
             "taut": taut,

@@ -6,6 +6,7 @@ import math
 import re
 import warnings
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,9 @@ from esea_gen.devices.scaled import POWERS
 from esea_gen.devices.short import QUESTIONS, short_text
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
+from esea_gen.twin.case import Case, Setting
+from esea_gen.twin.run import run_case
+from esea_gen.twin.trajectories import fixed_sinusoid
 from tests.devices.test_device import own, told
 
 ELBOW = dict(load_device("elbow_mpc").quantities())
@@ -257,6 +261,25 @@ def test_the_published_law_is_made_where_no_lead_but_1_is_stable(tmp_path):
     (tmp_path / "mine.toml").write_text(short_text("mine", "elbow_mpc", slow))
     smc = load_device(tmp_path / "mine.toml", "smc-published").system.blocks["smc"]
     assert {t.name: t.high for t in smc.tunables}["lead"] == 1
+
+
+@pytest.mark.ci
+def test_a_drive_of_a_tenth_of_the_torque_errs_by_a_tenth(tmp_path):
+    """The same equations in other units: no threshold is of the elbow's torque alone."""
+    path = fixed_sinusoid(1.7, 0.6)
+    error_Nm = {}
+    for share in (1.0, 0.1):
+        numbers = answers(ELBOW, ROTORS["elbow_drive"] * share)
+        numbers |= {
+            n: share * numbers[n] for n in ("u_max_Nm", "k1_Nm_rad", "Jh_kgm2", "tau_max_Nm")
+        }
+        (tmp_path / "mine.toml").write_text(short_text("mine", "elbow_mpc", numbers))
+        scaled = replace(path, tau_desired_Nm=share * path.tau_desired_Nm)
+        setting = Setting(controller=str(tmp_path / "mine.toml"), plant="ideal")
+        run = run_case(Case("sine", scaled), setting, seed=0)
+        error = (run["tau_e_Nm"] - scaled.tau_desired_Nm)[scaled.window]
+        error_Nm[share] = float(np.sqrt(np.mean(error**2)))
+    assert error_Nm[0.1] == pytest.approx(0.1 * error_Nm[1.0], rel=0.05)
 
 
 def test_on_a_terminal_each_number_is_asked_until_it_is_one(monkeypatch, tmp_path):
