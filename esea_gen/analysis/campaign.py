@@ -225,7 +225,7 @@ def _run_here(jobs: int, work: Work, cases: Iterator[dict[str, Any]]) -> Iterato
 
 def _in_process(work: Work, case: dict[str, Any], parent: int) -> Result:
     # Workers outlive a parent that was killed: no further case then, its result would be lost.
-    if os.getppid() != parent:
+    if parent not in (os.getpid(), os.getppid()):  # itself: joblib has no shared memory here
         os._exit(1)
     with warnings.catch_warnings():  # what there is to say of a device, the parent has said
         warnings.simplefilter("ignore", UserWarning)

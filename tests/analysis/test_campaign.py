@@ -239,6 +239,15 @@ def alone(journal: Path) -> bool:
     return True
 
 
+def test_without_shared_memory_cases_run_one_after_another(tmp_path):
+    (tmp_path / "started").mkdir()
+    (tmp_path / "script.py").write_text(SCRIPT)
+    env = os.environ | {"PYTHONPATH": PATHS, "JOBLIB_MULTIPROCESSING": "0"}
+    command = [sys.executable, str(tmp_path / "script.py"), str(tmp_path), "0", "2", ""]
+    assert subprocess.run(command, env=env, check=False).returncode == 0
+    assert len(started(tmp_path / "started")) == 16
+
+
 def test_kill_9_loses_only_what_is_running(tmp_path):
     killed_and_resumed(tmp_path, jobs=2)
 
