@@ -200,7 +200,7 @@ def test_the_files_that_the_page_names_are_there():
 def test_the_mapping_on_the_page_is_accepted():
     page = (DOCS / "identify.md").read_text(encoding="utf-8")
     (mapping,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    assert len(parse_mapping(mapping, "mine.toml").condition) == 2
+    assert len(parse_mapping(mapping, "mine.toml").condition) == 3
 
 
 # -- words and rooms ------------------------------------------------------------------------------
