@@ -242,4 +242,5 @@ def need_a_screen(otherwise: str) -> None:
     if not opened:
         line = next((x for x in said.splitlines() if "ould not" in x or "rror" in x), said[-200:])
         reason = line.strip().removeprefix("qt.qpa.xcb: ").rstrip(".")
-        raise UserError(f"No window can be opened here: {reason}.", f"Use {otherwise}.")
+        fix = "Install the libraries in docs/install.md, or use" if "plugin" in reason else "Use"
+        raise UserError(f"No window can be opened here: {reason}.", f"{fix} {otherwise}.")
