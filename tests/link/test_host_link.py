@@ -46,6 +46,14 @@ def device(drive):
     return LockstepDevice(drive)
 
 
+def test_a_recording_that_could_not_begin_leaves_no_file(device, monkeypatch, tmp_path):
+    with monkeypatch.context() as changed:
+        changed.setattr(device, "parameters", lambda: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            device.record(tmp_path / "a.mcap")
+    device.record(tmp_path / "a.mcap").close()
+
+
 def session(device: LockstepDevice, path, seconds: float = 1.0):
     """Zero, arm, and follow a sine of torque; everything recorded."""
     with device.record(path) as recording:

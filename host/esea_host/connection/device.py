@@ -491,9 +491,15 @@ class ConnectedDevice:
             given = recorder, self.receiver, streams, self.health, self._forget
             recording = LiveRecording(*given, threaded=self._threaded)
             self._recordings.append(recording)
-        if self.address is None or self.address.kind != "file":
-            recording.event("parameters", **self.parameters())
-            self.listen(streams)
+        try:
+            if self.address is None or self.address.kind != "file":
+                recording.event("parameters", **self.parameters())
+                self.listen(streams)
+        except Exception:
+            recording.close()
+            if not recording.rows:  # in the way of the next try
+                Path(path).unlink(missing_ok=True)
+            raise
         return recording
 
     def _forget(self, recording: LiveRecording) -> None:
