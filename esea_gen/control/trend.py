@@ -63,7 +63,7 @@ class _Trend:
         self.high_Hz = 0.1 / self.h
         fastest_Hz = SWING_HZ if self.ends_s else FASTEST_HZ
         self.rate_lim, self.acc_lim = motion_limits(device, fastest_Hz)
-        self.quiet = [self.by * x for x in (QUIET_NM, QUIET_LOW_NM, QUIET_HIGH_NM)]
+        self.quiet = self.by * QUIET_NM, self.by * QUIET_LOW_NM, self.by * QUIET_HIGH_NM
         self.keep_noise = math.exp(-self.h / NOISE_S)
         self.keep_step = math.exp(-self.h / STEPPED_S)
         self.step_lim = 2 * self.tau_lim
