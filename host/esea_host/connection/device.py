@@ -160,8 +160,7 @@ class ConnectedDevice:
             if found.content_hash != self.identity.content_hash:
                 raise UserError("Another board answers on this link now.", "Connect again.")
             self.session.take_time_of(Session(transport, self._dialect, WAIT_S))
-            self.receiver.restarted = found.start != self._start
-            self._start = found.start
+            self.receiver.restarted, self._start = found.start != self._start, found.start
         except BaseException:
             transport.close()
             raise
@@ -491,15 +490,10 @@ class ConnectedDevice:
             given = recorder, self.receiver, streams, self.health, self._forget
             recording = LiveRecording(*given, threaded=self._threaded)
             self._recordings.append(recording)
-        try:
-            if self.address is None or self.address.kind != "file":
+        if self.address is None or self.address.kind != "file":
+            with recording.beginning():
                 recording.event("parameters", **self.parameters())
                 self.listen(streams)
-        except Exception:
-            recording.close()
-            if not recording.rows:  # in the way of the next try
-                Path(path).unlink(missing_ok=True)
-            raise
         return recording
 
     def _forget(self, recording: LiveRecording) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from typing import Any, Self
 
 import numpy as np
@@ -61,6 +62,17 @@ class LiveRecording:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    @contextmanager
+    def beginning(self) -> Iterator[None]:
+        """A recording that cannot begin leaves no file without rows in the way of the next."""
+        try:
+            yield
+        except Exception:
+            self.close()
+            if not self.rows:
+                self.recorder.path.unlink(missing_ok=True)
+            raise
 
     def note(self, text: str, **facts: Any) -> None:
         with self._lock:
