@@ -154,13 +154,15 @@ def uninterrupted() -> Iterator[None]:
             signal.raise_signal(came[0])
 
 
-def signal_again(number: int) -> None:
-    """Send this program a signal a moment later."""
+def signal_again(number: int) -> threading.Timer:
+    """Send this program a signal a moment later; who waits for it joins what is returned."""
     if sys.platform == "win32":
-        threading.Timer(0.005, _thread.interrupt_main, [number]).start()
+        timer = threading.Timer(0.005, _thread.interrupt_main, [number])
     else:  # what waits in the main thread is woken
         main = threading.main_thread().ident
-        threading.Timer(0.005, signal.pthread_kill, [main, number]).start()
+        timer = threading.Timer(0.005, signal.pthread_kill, [main, number])
+    timer.start()
+    return timer
 
 
 def processors() -> int:

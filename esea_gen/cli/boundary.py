@@ -26,7 +26,7 @@ from esea_gen.python_file import MODULE
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
 REFUSED, FAULT, INTERRUPTED = 2, 70, 130
-MOST_TRACEBACKS = 20
+MOST_TRACEBACKS, MOST_LATE = 20, 200
 
 ROOM = "Free disk space, or set other folders: TMPDIR for scratch files, XDG_CACHE_HOME for caches."
 RIGHTS = "Give another path, or obtain access rights to this one."
@@ -221,11 +221,13 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     # Signals, threads and warnings speak through the boundary while it is there.
     # gives: the signals that ended it.
     _have_streams()
-    ended_by, tries = list[int](), iter(range(200))
+    ended_by, late, over = list[int](), list[threading.Timer](), False
 
     def end(number: int, frame: Any) -> None:
-        if _dropped(frame) and next(tries, None) is not None:
-            signal_again(number)
+        if over:
+            return
+        if _dropped(frame) and len(late) < MOST_LATE:
+            late.append(signal_again(number))
             return
         if number == signal.SIGINT:
             raise KeyboardInterrupt
@@ -243,7 +245,7 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     def unraisable(given: Any) -> None:
         # While something is cleaned away: the command has its result, or its own error.
         if isinstance(given.exc_value, KeyboardInterrupt):
-            signal_again(signal.SIGINT)  # it came at a moment when Python drops it
+            late.append(signal_again(signal.SIGINT))  # it came at a moment when Python drops it
         elif Shown.verbose:
             _told(program, given.exc_value)
 
@@ -263,6 +265,9 @@ def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     try:
         yield ended_by
     finally:
+        over = True  # what is still on its way is of a command that has ended
+        for timer in late:
+            timer.join()
         for number, handler in handlers.items():
             signal.signal(number, handler)
         threading.excepthook, sys.unraisablehook, sys.excepthook, warnings.showwarning = before
