@@ -9,7 +9,7 @@ from esea_gen.devices.file import DeviceData
 from esea_gen.errors import UserError
 from esea_gen.language.ports import f32_inside, threshold
 
-ELBOW_NM = 4.47
+ELBOW_NM = 4.47  # the full scale of the elbow
 
 
 # Ranges are the largest plausible magnitudes; d4 is the acceleration that the whole motor torque

@@ -10,13 +10,14 @@ from esea_gen.control.reference import largest_gains
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.devices.file import DeviceData
 from esea_gen.model.mode import Mode
+from esea_gen.observe import ELBOW_NM
 from esea_gen.twin.people import OF_CABLE, stiffer
 from esea_gen.twin.trajectories import Trajectory
 
 OFF, TORQUE, IMPEDANCE = Mode
 # What the cases are written for: the elbow's full scale and range of motion, of which movements
 # take a quarter turn, and the largest gains.
-FULL_NM, LOW_RAD, RANGE_RAD, MOVED_RAD = 4.47, -0.15, 2.65, math.pi / 2
+LOW_RAD, RANGE_RAD, MOVED_RAD = -0.15, 2.65, math.pi / 2
 STIFFNESS_NM_RAD, DAMPING_NMS_RAD = 1.5, 0.25
 
 
@@ -41,7 +42,7 @@ class Scale:
         first = max(0.0, low - travel * LOW_RAD)
         last = high + travel * (LOW_RAD - MOVED_RAD)
         rest = min(max(0.0, low), high)
-        torque = device.tau_full_scale_Nm / FULL_NM
+        torque = device.tau_full_scale_Nm / ELBOW_NM
         gains = zip(largest_gains(device), (STIFFNESS_NM_RAD, DAMPING_NMS_RAD), strict=True)
         kp, kd = (min(torque, most / written) for most, written in gains)
         return cls(torque, travel, min(first, last), rest, kp, kd, stiffer(device))

@@ -24,6 +24,7 @@ from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.sensing import sensing_system
+from esea_gen.observe import ELBOW_NM
 from esea_gen.tables import MARK
 
 TORQUES, RATES = len(TORQUE_EDGES) - 1, len(RATE_EDGES) - 1  # classes
@@ -75,7 +76,6 @@ def evaluation_filter(values: Array, rate_Hz: float) -> Array:
     return np.asarray(fftconvolve(padded, taps, "valid"))
 
 
-ELBOW_FULL_SCALE_NM = 4.47  # the published signals are the elbow's; others' are scaled
 CYCLE_S = 100.0  # the slow signals repeat after it
 FINE_HZ = 10_000.0  # error of the fine step a hundredth of that at 1 kHz
 CHUNK = 200_000
@@ -125,7 +125,7 @@ def motions(
     """The published signals as motions: the exact inverse's set-point, filtered as published."""
     tell = say or (lambda _: None)
     h, rate_Hz = device.period_s, 1.0 / device.period_s
-    size = device.tau_full_scale_Nm / ELBOW_FULL_SCALE_NM
+    size = device.tau_full_scale_Nm / ELBOW_NM
     programs = compiled_programs(device)
     omega_max = device.file.domain.omega_max_rad_s.value
     out = []
