@@ -123,9 +123,11 @@ QUIET = PushRun(held_J=2e-3, held_end_J=1e-3)
         ({"generated_J": 0.9e-4}, "P"),
         ({"generated_J": 1.1e-4}, "s"),
         ({"held_end_J": 2.3e-3}, "P"),
-        ({"held_end_J": 2.5e-3}, "."),
+        ({"held_end_J": 2.5e-3, "moving_J": 2.5e-3}, "."),
+        # It rests elsewhere, as friction leaves it.
+        ({"held_end_J": 2.5e-3}, "P"),
         # Too small to be more than encoder counts, although it grows.
-        ({"held_J": 1e-4, "held_end_J": 3e-4}, "P"),
+        ({"held_J": 1e-4, "held_end_J": 3e-4, "moving_J": 3e-4}, "P"),
         # As large all along: it grew before.
         ({"held_J": 2e-2, "held_end_J": 2e-2}, "."),
         ({"fault": 9.0}, "L"),

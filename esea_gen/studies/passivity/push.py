@@ -35,6 +35,7 @@ class PushRun:
     # Of hand, springs and wall: mean over the second second after the push and over the last third.
     held_J: float = 0.0
     held_end_J: float = 0.0
+    moving_J: float = 0.0  # the same about its mean over the last third: 0 of a hand that rests
     limited_share: float = 0.0
     fault: float = 0.0
     tripped: float = 0.0
@@ -46,7 +47,7 @@ class PushRun:
 
     def swings_up(self, push_J: float) -> bool:
         """Whether the motion grows, or ends larger than the push made it."""
-        grows = self.held_end_J > GROWTH * self.held_J and self.held_end_J > NOTICE * push_J
+        grows = self.held_end_J > GROWTH * self.held_J and self.moving_J > NOTICE * push_J
         return bool(self.ran_away > 0 or grows or self.held_end_J > GROWTH * push_J)
 
 
@@ -125,6 +126,8 @@ def judge_push(
     held = 0.5 * (hand.inertia_kgm2 * omega**2 + spring * (theta - theta[0]) ** 2)
     held += 0.5 * wall_Nm_rad * np.maximum(theta - theta[0] - WALL_RAD, 0) ** 2
     after = held[round((PUSH_AT_S + PUSH_S) * RATE_HZ) :]
+    last = slice(-(len(after) // 3), None)
+    moving = hand.inertia_kgm2 * omega[last] ** 2 + spring * (theta[last] - theta[last].mean()) ** 2
     second = round((DURATION_S - PUSH_AT_S - PUSH_S) * RATE_HZ) // 3
     on = slice(round(ON_S * RATE_HZ), None)
     faults = run.controller["fault"][on]
@@ -133,7 +136,8 @@ def judge_push(
         balance.generated_J,
         float(balance.absorbed_J[-1]),
         float(np.mean(after[second : 2 * second])),
-        float(np.mean(after[len(after) // 3 * 2 :])),
+        float(np.mean(held[last])),
+        0.5 * float(np.mean(moving)),
         float(np.mean(np.abs(run.controller["u_Nm"][on]) >= 0.999 * u_max_Nm)),
         float(latched[0]) if len(latched) else 0.0,
         float(np.max(run.plant["tripped"]) > 0),
