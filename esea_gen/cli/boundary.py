@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import shlex
 import signal
@@ -75,9 +76,24 @@ class Terminated(KeyboardInterrupt):
 
 
 class Shown:
-    """``verbose``: errors come with their traceback."""
+    """``verbose``: errors come with their traceback; ``streams``: the output is all there is."""
 
-    verbose = False
+    verbose, streams, lost = False, False, 0  # lost: exit code of output that ended
+
+
+class _Output(io.FileIO):
+    # A reader that goes, or a full disk, ends the output, not the command: its files are written.
+    program = ""
+
+    def write(self, data: Any) -> Any:
+        try:
+            return super().write(data)
+        except OSError as error:
+            if Shown.streams:
+                raise
+            Shown.lost = _told(self.program, error)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            return len(data)
 
 
 def run(program: str, app: typer.Typer, quiet: Callable[[], bool] = lambda: False) -> NoReturn:
@@ -86,6 +102,7 @@ def run(program: str, app: typer.Typer, quiet: Callable[[], bool] = lambda: Fals
         try:
             code = _outcome(program, app)
             sys.stdout.flush()
+            code = code or Shown.lost
         except BaseException as error:
             code = _told(program, error)
             with suppress(OSError, ValueError):
@@ -220,7 +237,7 @@ def _print(text: str) -> None:
 def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     # Signals, threads and warnings speak through the boundary while it is there.
     # gives: the signals that ended it.
-    _have_streams()
+    _have_streams(program)
     ended_by, late, over = list[int](), list[threading.Timer](), False
 
     def end(number: int, frame: Any) -> None:
@@ -283,7 +300,7 @@ def _dropped(frame: Any) -> bool:
     return frame is not None
 
 
-def _have_streams() -> None:
+def _have_streams(program: str) -> None:
     # A closed one is as good as none: else the first file that is opened takes its place.
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -292,6 +309,11 @@ def _have_streams() -> None:
                     pass
             nothing = os.open(os.devnull, os.O_RDWR)  # stays open
             setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8"))
+    was = sys.stdout
+    if was is sys.__stdout__ and isinstance(was, io.TextIOWrapper):
+        raw = _Output(was.fileno(), "w", closefd=False)
+        raw.program, how = program, (was.line_buffering, was.write_through)
+        sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), was.encoding, None, None, *how)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what this terminal's letters cannot write
             stream.reconfigure(errors="nearest_signs")

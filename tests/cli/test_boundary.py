@@ -127,11 +127,14 @@ def test_a_fault_of_a_file_of_ones_own_names_its_line(command):
 def test_output_that_nobody_reads_or_that_has_no_room(tmp_path):
     reader, writer = os.pipe()
     os.close(reader)
+    rows, made = tmp_path / "s.csv", tmp_path / "s.json"
+    rows.write_text("a,b\n" + "".join(f"{k},{k * k}\n" for k in range(9)))
     with open("/dev/full", "w") as full:
         for out, code, words in ((writer, 1, ""), (full, 2, "No space left on device")):
-            done = process("esea-gen", "schema", stdout=out)
+            done = process("esea-gen", "reliability", rows, "--json", made, stdout=out)
             said = done.communicate()[1]
             assert (done.returncode, words in said) == (code, True), said
+            made.unlink()  # it was written
             assert "Traceback" not in said
             assert "Exception ignored" not in said
     os.close(writer)

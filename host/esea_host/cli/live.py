@@ -17,6 +17,7 @@ import typer
 from rich.live import Live
 from rich.table import Table as Grid
 
+from esea_gen.cli.boundary import Shown
 from esea_gen.cli.options import ControllerOption, option, writable
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.emit.roles import sensing_tasks
@@ -81,6 +82,7 @@ def monitor(
     rate: RateOption = None,
 ) -> None:
     """Print a board's values, in the terminal or line by line."""
+    Shown.streams = True
     with open_device(address, device, key) as board:
         chosen = stream or [f"{t.name}_out" for t in sensing_tasks(board.identity.device.system)]
         board.listen(chosen, rate)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from esea_gen.cli.boundary import Shown
 from esea_gen.cli.options import option, writable
 from esea_gen.errors import choose
 from esea_gen.link.received import shown
@@ -85,6 +86,7 @@ def replay(
             from esea_host.recording.export import play
 
             warn_unless_complete(path, log.integrity)
+            Shown.streams = True
             for line in play(log, stream or log.first_output, speed):
                 print(line)
             return
