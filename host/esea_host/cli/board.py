@@ -57,11 +57,7 @@ def kept(
     """
     with open_device(address, device, key) as board:
         names = [e.instance for e in board_roles(board.identity.device.system).encoders]
-        if encoder is not None and len(encoder) != len(names):
-            raise UserError(
-                f"{len(encoder)} serial numbers for {len(names)} encoders.",
-                f"Give --encoder once for each of: {', '.join(names) or 'none'}.",
-            )
+        _check_serials(encoder, "encoder", names)
         told = name_encoders(board.session, encoder) if encoder else kept_use(board.session)
         values, total, others = kept_values(board.session)
         changed = [_changed(board.session, v) for v in values]
@@ -73,6 +69,15 @@ def kept(
     out.print(", ".join(f"{n.replace('_', ' ')} {v}" for n, v in told.counters.items()))
     out.print(f"parameters: {total}")
     say((*changed, *others))
+
+
+def _check_serials(given: list[int] | None, what: str, places: list[str]) -> None:
+    # Before the first is named: each place has one of its own.
+    if given and (len(given) != len(places) or len(set(given)) < len(given)):
+        raise UserError(
+            f"{len(given)} serial numbers for {len(places)} {what}s: {', '.join(map(str, given))}.",
+            f"Give --{what} with a number of its own for each of: {', '.join(places) or 'none'}.",
+        )
 
 
 def _changed(session: Session, kept: KeptValue) -> str:
@@ -144,12 +149,8 @@ def life(
     """Show each coupling's load history and used share of its life; name the couplings."""
     with open_device(address, device, key) as board:
         lives = coupling_lives(board.session)
-        axes = sum(x.axis is not None for x in lives)
-        if coupling and len(coupling) != axes:
-            raise UserError(
-                f"{len(coupling)} serial numbers for {axes} couplings.",
-                "Give --coupling once for each axis.",
-            )
+        fitted_to = [f"axis {x.axis}" for x in lives if x.axis is not None]
+        _check_serials(coupling, "coupling", fitted_to)
         fitted = {x.serial for x in lives if x.axis is not None}
         for axis, serial in sorted(enumerate(coupling or ()), key=lambda pair: pair[1] in fitted):
             name_coupling(board.session, axis, serial)
