@@ -15,7 +15,7 @@ from esea_gen.cli.app import app, out
 from esea_gen.cli.options import folder_to_be, option, writable
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.errors import UserError, choose
-from esea_gen.files import plain, read_json, write_json, write_whole
+from esea_gen.files import plain, read_json, refuse_copies, write_json, write_whole
 
 if TYPE_CHECKING:
     from esea_gen.identify.family.compare import ModelComparison
@@ -229,7 +229,7 @@ def advise(
     with progress_share() as tell:
         result = identify_published(mapping, data, tell)
         found = advised(result, minutes)
-    show(found, json_file, "advise")
+    show(found, json_file, "advise", simulated=any(r.simulated for r in result.recordings))
     for number, (_, motion) in enumerate(found.motions if folder else (), 1):
         rows = (f"{t:.2f},{x:.6f}" for t, x in zip(*motion.deflection(), strict=True))
         path = (folder or Path()) / f"{number}-{motion.kind}.csv"
@@ -264,7 +264,7 @@ def reliability(
 
     read, torques = read_specimens(table)
     out.print(read.report())
-    show(judged(torques), json_file, "reliability")
+    show(judged(torques), json_file, "reliability", simulated=read.simulated)
 
 
 @app.command()
@@ -293,7 +293,7 @@ def uncertainty(
         result = torque_uncertainty(
             loaded, runs, seed, spread=spread, residual_deg=residual_deg, progress=say
         )
-    show(result, json_file, "uncertainty", figure=figure)
+    show(result, json_file, "uncertainty", figure=figure, simulated=True)
 
 
 @app.command("torque-check")
@@ -389,7 +389,7 @@ def friction(
     from esea_gen.identify.drive.friction import fit_friction, read_run
     from esea_gen.identify.identified import marked, write_device
     from esea_gen.report.figures import friction_picture
-    from esea_gen.tables import MARK
+    from esea_gen.tables import MARK, told_simulated
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out work only together.", "Give both, or neither.")
@@ -397,15 +397,16 @@ def friction(
     loaded = None if device is None else esea_gen.load_device(device)
     if loaded is not None and loaded.file.actuator is None:
         raise UserError(f"{loaded.origin}: has no [actuator].", "Give a device with a drive.")
+    refuse_copies(files)
     read = [read_run(f, full) for f in files]
+    simulated = told_simulated(r.read_as for r in read)
     out.lines(r.read_as for r in read)
     found = fit_friction(read)
-    show(found, json_file, "friction")
+    show(found, json_file, "friction", simulated=simulated)
     picture(figure, lambda: friction_picture(read, found))
     if loaded is not None and folder is not None:
         assert loaded.file.actuator is not None
         numbers = found.at_joint(loaded.file.actuator.gear_ratio.value)
-        simulated = any(r.read_as.endswith(MARK) for r in read)
         source = f"{found.runs} runs at steady speeds{MARK * simulated}"
         updated = with_actuator(loaded, numbers, source)
         text = marked(actuator_text(loaded, updated, []), "friction")
@@ -441,7 +442,7 @@ def encoder_table(
     read, count, reference_rad = read_counts(recording, full)
     out.print(read.report())
     found = fit_table(side, count, reference_rad, full, nodes)
-    show(found, json_file, "encoder-table")
+    show(found, json_file, "encoder-table", simulated=read.simulated)
     if folder is not None:
         source = f"recording {recording.name}{MARK * read.simulated}"
         made = with_table(loaded, found, orientation, source)

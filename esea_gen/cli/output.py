@@ -88,11 +88,13 @@ def show(
     *,
     figure: Path | None = None,
     passed: bool = True,
+    simulated: bool | None = None,
 ) -> None:
     """Print a result's table, write it as JSON of the schema `what`, draw it; exit 1 if failed."""
     # The table first, in case writing the file fails.
     out.lines(result.table())
-    write_json(json_file, what, result.to_dict() if hasattr(result, "to_dict") else plain(result))
+    content = result.to_dict() if hasattr(result, "to_dict") else plain(result)
+    write_json(json_file, what, content, simulated)
     if figure is not None:
         picture(figure, result.figure)
     exit_unless(passed)

@@ -124,6 +124,7 @@ class Identified:
                 k: q[f"domain.{k}"].value for k in type(self.device.file.domain).model_fields
             },
             "recordings": recording_rows(self.recordings),
+            "simulated": any(r.simulated for r in self.recordings),
             **self.errors(self.verdict),
             "worth": plain(self.worth),
             "notes": list(self.notes),

@@ -32,7 +32,7 @@ from esea_gen.identify.recording.proposal import named
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.language.ports import Array
-from esea_gen.tables import SIMULATED, FileTable, read_table
+from esea_gen.tables import MARK, SIMULATED, FileTable, read_table
 
 CONFIDENCE = 0.95
 LEAST_ROWS, LEAST_COLUMNS = 5, 2
@@ -202,7 +202,15 @@ def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
             f"{path}: {list(table.names)} does not name each specimen.",
             "Give one name a column, and 'condition' over the labels.",
         )
-    return table, {n: table.numbers(n) for n in names}
+    torques = {n: table.numbers(n) for n in names}
+    for n, x in torques.items():
+        if len(x) >= LEAST_ROWS and np.all(np.diff(x) == 1):
+            raise UserError(
+                f"{path}: column '{n}' counts the rows, from {x[0]:g} to {x[-1]:g}; each column is "
+                "a specimen's torque in Nm.",
+                "Remove it, or put it first under the name 'condition'.",
+            )
+    return table, torques
 
 
 NODES = 9  # deflections at which specimens are compared, each way
@@ -218,14 +226,16 @@ class JointFit:
     joint_pct: dict[str, float]  # held-out RMS error of each specimen, % of full scale
     own_pct: dict[str, float]
     agreement: Reliability
+    simulated: bool
 
     def to_dict(self) -> dict[str, Any]:
-        fits = {"joint_pct": self.joint_pct, "own_pct": self.own_pct}
+        fits = {k: getattr(self, k) for k in ("joint_pct", "own_pct", "simulated")}
         return self.agreement.to_dict() | fits | {"full_scale_Nm": self.full_scale_Nm}
 
     def table(self) -> list[str]:
         lines = [
-            f"{self.title}: held out, RMS in % of full scale ({self.full_scale_Nm:g} Nm)",
+            f"{self.title}: held out, RMS in % of full scale ({self.full_scale_Nm:g} Nm)"
+            + MARK * self.simulated,
             f"{'specimen':30} one model for all   its own",
         ]
         for name, joint in self.joint_pct.items():
@@ -273,7 +283,8 @@ def joint_fit(
         labels = [s.label for r in some for s in r.sets if s.label in errors[name]]
         joint[name] = 100 * float(np.mean([errors[""][x] for x in labels])) / full_scale
         own[name] = 100 * float(np.mean([errors[name][x] for x in labels])) / full_scale
-    return JointFit(source.mapping.device.title, full_scale, joint, own, agreement)
+    simulated = any(r.simulated for r in recordings)
+    return JointFit(source.mapping.device.title, full_scale, joint, own, agreement, simulated)
 
 
 def torque_table(specimens: dict[str, list[Recording]]) -> dict[str, Array]:

@@ -20,6 +20,12 @@ LONGEST_SHOWN = 40  # characters of a cell in a message
 MOST_SHOWN = 20  # names of columns in a message
 MOST_LINES = 5  # line numbers in a message
 SIMULATED, MARK = "simulated", "; SIMULATED"  # column of an export; what a text ends with
+
+
+def told_simulated(texts: Iterable[str]) -> bool:
+    return any(t.endswith(MARK) for t in texts)
+
+
 Kind = Literal["csv", "mat", "hdf5", "parquet", "json"]
 
 

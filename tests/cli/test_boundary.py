@@ -128,7 +128,7 @@ def test_output_that_nobody_reads_or_that_has_no_room(tmp_path):
     reader, writer = os.pipe()
     os.close(reader)
     rows, made = tmp_path / "s.csv", tmp_path / "s.json"
-    rows.write_text("a,b\n" + "".join(f"{k},{k * k}\n" for k in range(9)))
+    rows.write_text("a,b\n" + "".join(f"{k**2},{k**3}\n" for k in range(9)))
     with open("/dev/full", "w") as full:
         for out, code, words in ((writer, 1, ""), (full, 2, "No space left on device")):
             done = process("esea-gen", "reliability", rows, "--json", made, stdout=out)

@@ -95,6 +95,7 @@ def test_the_command_writes_what_it_found(tmp_path):
     assert "Coulomb friction" in done.stdout
     found = json.loads((tmp_path / "f.json").read_text())["friction"]
     a = parse_device((tmp_path / "elbow_drive_id.toml").read_text(), "x").file.actuator
+    assert typed(*asked[:7], runs[0]).stderr.count("Give each recording once.") == 1
     # At the joint, behind a gear of 74.
     assert a.fc_Nm.value == pytest.approx(74 * found["fc_Nm"]["value_Nm"], rel=1e-5)
     assert a.fv_Nms_rad.value == pytest.approx(74**2 * found["fv_Nms_rad"]["value_Nms_rad"], 1e-5)

@@ -54,6 +54,7 @@ def test_a_simulated_export_and_a_unit_unlike_its_columns_name_identify_nothing(
     (tmp_path / "rig.csv").write_text(text)
     (r,) = load_recordings(load_mapping(path))
     assert {f.kind for f in r.findings if f.stops} == {"simulated", "unit"}
+    assert (r.simulated, r.label) == (True, "rig; SIMULATED")
 
 
 # What is masked.

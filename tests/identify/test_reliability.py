@@ -88,6 +88,7 @@ def test_specimens_of_a_table_and_the_command(tmp_path):
     assert "ICC(2,1)" in done.output
     assert "2.93" in done.output  # chapter 3's beside it
     found, own = json.loads(out.read_text()), reliability(table)
+    assert not found["simulated"]
     assert found["absolute"]["value"] == pytest.approx(own.absolute.value, rel=1e-9)
     assert max(own.apart_pct, key=own.apart_pct.__getitem__) == "odd"
     assert len(own.agreements) == 3
@@ -146,6 +147,9 @@ def test_a_table_of_specimens_is_read(tmp_path):
         assert table.report().endswith("; SIMULATED")
     path.write_text("a,b [mNm]\n1,2\n")
     with pytest.raises(UserError, match="states the unit mNm"):
+        read_specimens(path)
+    path.write_text("row,a\n" + "".join(f"{k},{k * k}\n" for k in range(1, 6)))
+    with pytest.raises(UserError, match="column 'row' counts the rows, from 1 to 5"):
         read_specimens(path)
     path.write_text("a,,b\n1,2,3\n")
     with pytest.raises(UserError, match="does not name each specimen"):

@@ -10,7 +10,6 @@ import re
 import numpy as np
 import pytest
 
-from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.cli import main
 from esea_host.interaction.analysis import analyse_interaction
@@ -153,7 +152,7 @@ def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
     """Spring and elastomer said by hand: B's first device is the elastomer."""
     path = tmp_path / "survey.csv"
     path.write_text(
-        "participant,group,comfort,naturalness,control,effort\n"
+        "# simulated\nparticipant,group,comfort,naturalness,control,effort\n"
         "a,A,more,much less,0,-1\n"
         "b,B,More,much_less,no different,1\n"
         "c,B,-2,0,no difference,2\n"
@@ -169,9 +168,10 @@ def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
     control = found.questions[2]
     assert (control.test, control.mean, control.p_holm) == (None, 0.0, 1.0)
     assert found.questions[0].counts == (0, 1, 0, 1, 1)
-    json.dumps(files.stamped("host-survey", found.to_dict()), allow_nan=False)
-    figure = tmp_path / "f.png"
-    _, shown, _ = command(monkeypatch, capsys, "analyse", "survey", path, "--figure", figure)
+    figure, made = tmp_path / "f.png", tmp_path / "f.json"
+    asked = "analyse", "survey", path, "--figure", figure, "--json", made
+    _, shown, _ = command(monkeypatch, capsys, *asked)
+    assert json.loads(made.read_text())["simulated"]
     assert "counts 0/1/0/1/1" in shown
     assert "all alike" in shown
     assert figure.exists()

@@ -170,6 +170,7 @@ class ModelComparison:
         return {
             "mapping": self.source.origin,
             "recordings": recording_rows(self.recordings),
+            "simulated": any(r.simulated for r in self.recordings),
             "full_scale_Nm": self.full_scale_Nm,
             "compare": plain(self.rows),
             **self.choice.to_dict(),

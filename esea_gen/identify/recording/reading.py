@@ -32,7 +32,7 @@ from esea_gen.identify.recording.quality import (
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.tables import KINDS, TIME, Mapping, RecordingTable, ToFit
 from esea_gen.language.ports import Array
-from esea_gen.tables import FileTable, read_table
+from esea_gen.tables import MARK, FileTable, read_table
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
@@ -124,6 +124,7 @@ def _load(
     wanted = [m.deflection.column, m.torque.column, *(c for c in more if c)]
     form = table.format or m.format
     read = read_table(path, wanted, form, name=name, settings="[format] of the mapping")
+    label += MARK * read.simulated
     columns, rows = {w: read.numbers(w) for w in wanted}, read.lines
     if len(rows) < MIN_SAMPLES:
         raise UserError(
@@ -190,6 +191,7 @@ def _load(
             *worse,
         ),
         temperature_C=_temperature(m, table, name, columns),
+        simulated=read.simulated,
     )
 
 

@@ -31,6 +31,7 @@ class Recording:
     conditions: tuple[str, ...] = ()  # those of the mapping that the file belongs to
     findings: tuple[Finding, ...] = ()  # spoilt samples are in no data set
     temperature_C: float | None = None  # of the rubber; None where no one said it
+    simulated: bool = False
 
 
 def training_sets(recordings: Iterable[Recording]) -> list[tuple[Recording, DataSet]]:
@@ -38,7 +39,7 @@ def training_sets(recordings: Iterable[Recording]) -> list[tuple[Recording, Data
 
 
 def recording_rows(recordings: Iterable[Recording]) -> list[dict[str, Any]]:
-    same = ("label", "file", "dropped", "timed", "temperature_C")
+    same = ("label", "file", "dropped", "timed", "temperature_C", "simulated")
     return [
         {k: getattr(r, k) for k in same}
         | {"sha256": r.digest, "samples": len(r.time_s), "duration_s": float(r.time_s[-1])}

@@ -40,7 +40,7 @@ from esea_gen.studies.torque_check.procedure import (
     require,
     stiffening,
 )
-from esea_gen.tables import MARK
+from esea_gen.tables import MARK, told_simulated
 
 if TYPE_CHECKING:
     from esea_gen.devices.file import DeviceData
@@ -335,11 +335,15 @@ class TorqueCheck:
             "it is: from the motor's side, a wrong rubber and a wrong constant look alike.",
         )
 
+    @property
+    def simulated(self) -> bool:
+        return told_simulated(m.source for m in self.measurements)
+
     # -- keeping it ------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready content: result, and all that :meth:`resumed` needs."""
-        own = ("verdict", "repeats", "settle_s", "record_s", "measurements")
+        own = ("verdict", "repeats", "settle_s", "record_s", "measurements", "simulated")
         content: dict[str, Any] = plain(
             {
                 "kind": KIND,
@@ -438,8 +442,7 @@ class TorqueCheck:
             lines.append(f"Next, {self.missing[0].label}: {self.missing[0].text}")
         for said in (self.suspects, self.doubt if self.verdict == "cannot judge" else None):
             lines += [said[0], f"To do: {said[1]}"] if said else []
-        simulated = any(m.source.endswith(MARK) for m in self.measurements)
-        lines.append(f"Verdict: {self.verdict.upper()}{MARK * simulated}")
+        lines.append(f"Verdict: {self.verdict.upper()}{MARK * self.simulated}")
         return lines
 
 
