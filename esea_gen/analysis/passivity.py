@@ -18,6 +18,8 @@ from esea_gen.analysis.response import checked
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Array
 
+FIRMEST = 1e4  # the stiffest spring that the plant takes, Nm/rad
+
 
 @dataclass(frozen=True)
 class Hand:
@@ -33,6 +35,11 @@ class Hand:
                 raise UserError(
                     f"Hand '{self.name}': {key} is {value}.", "A passive hand has 0 or more."
                 )
+
+    def scaled(self, by: float) -> Hand:
+        """The hand on a device of so many times the torque."""
+        own = self.inertia_kgm2, self.damping_Nms_rad, self.stiffness_Nm_rad
+        return hand_family(*([min(by * x, FIRMEST)] for x in own))[0]
 
 
 def hand_family(

@@ -33,6 +33,11 @@ class Drive:
     torque_scale: float  # full scale over the elbow's, on which absolute numbers were found
 
 
+def torque_scale(device: DeviceData) -> float:
+    """Full scale over the elbow's, by which absolute torques and stiffnesses go."""
+    return device.tau_full_scale_Nm / ELBOW_NM
+
+
 def has_drive(device: DeviceData) -> bool:
     """Whether a device has all that a motor and the limits before it need, whatever the law."""
     f = device.file
@@ -72,5 +77,5 @@ def drive_of(device: DeviceData) -> Drive:
         tau_h_Nm=threshold(j.tau_human_max_Nm.value),
         u_Nm=threshold(a.u_max_Nm.value),
         d4_rad_s2=threshold(a.gear_ratio.value * a.u_max_Nm.value / a.J_kgm2.value),
-        torque_scale=device.tau_full_scale_Nm / ELBOW_NM,
+        torque_scale=torque_scale(device),
     )

@@ -10,7 +10,7 @@ from esea_gen.control.reference import largest_gains
 from esea_gen.devices import BEST_CONTROLLER
 from esea_gen.devices.file import DeviceData
 from esea_gen.model.mode import Mode
-from esea_gen.observe import ELBOW_NM
+from esea_gen.observe import torque_scale
 from esea_gen.twin.people import OF_CABLE, stiffer
 from esea_gen.twin.trajectories import Trajectory
 
@@ -42,7 +42,7 @@ class Scale:
         first = max(0.0, low - travel * LOW_RAD)
         last = high + travel * (LOW_RAD - MOVED_RAD)
         rest = min(max(0.0, low), high)
-        torque = device.tau_full_scale_Nm / ELBOW_NM
+        torque = torque_scale(device)
         gains = zip(largest_gains(device), (STIFFNESS_NM_RAD, DAMPING_NMS_RAD), strict=True)
         kp, kd = (min(torque, most / written) for most, written in gains)
         return cls(torque, travel, min(first, last), rest, kp, kd, stiffer(device))

@@ -16,6 +16,7 @@ import numpy as np
 from esea_gen.device import Device
 from esea_gen.errors import UserError, nearest
 from esea_gen.language.ports import Array
+from esea_gen.observe import torque_scale
 from esea_gen.twin.encoders import SIDES
 from esea_gen.twin.parameters import CABLE_KEYS
 from esea_gen.twin.published import PLANTS
@@ -91,7 +92,7 @@ def _everything(part: float = 1.0, missing: bool = False) -> Draw:
         values = {
             "elastomer_scale": uniform(r.rubber_scale, 1.0),
             "hysteresis_scale": uniform(r.hysteresis_scale, 1.0),
-            "relaxation_Nm_rad": uniform(r.relaxation_Nm_rad),
+            "relaxation_Nm_rad": torque_scale(device) * uniform(r.relaxation_Nm_rad),
             "fv_Nms_rad": by_ratio(r.friction_scale) * a.fv_Nms_rad.value,
             "fc_Nm": by_ratio(r.friction_scale) * a.fc_Nm.value,
             "J_kgm2": uniform(r.inertia_scale, 1.0) * a.J_kgm2.value,
@@ -118,8 +119,12 @@ def off_families() -> dict[str, OffFamily]:
         return f"{100 * (x - 1):+.0f}"
 
     wide, slow = f"{1000 * o.backlash_rad:g}", o.relaxation_s
-    branch = values(relaxation_Nm_rad=o.relaxation_Nm_rad, relaxation_s=slow)
-    part = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad with {slow:g} s"
+
+    def branch(device: Device, _: np.random.Generator) -> Deviation:
+        stiffness = torque_scale(device) * o.relaxation_Nm_rad
+        return Deviation({"relaxation_Nm_rad": stiffness, "relaxation_s": slow})
+
+    part = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad (elbow's) with {slow:g} s"
     twice = o.hysteresis_scale
     rows: list[tuple[str, str, str, Draw]] = [
         (NOTHING, NOTHING, "nothing off beside what the plant has", values()),

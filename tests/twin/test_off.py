@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.device import Device
+from esea_gen.device import Device, with_numbers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
@@ -80,6 +80,8 @@ def test_a_second_relaxation_time(device, rigid, constant_s):
     # Of a spring of 3 Nm/rad and a dashpot in line at a constant rate.
     values = dict(deviation("relaxation", device, 0).values)
     assert values == {"relaxation_Nm_rad": 3.0, "relaxation_s": 5.0}
+    large = with_numbers(device, {"domain.tau_full_scale_Nm": 2 * 4.47})
+    assert deviation("relaxation", large, 0).values["relaxation_Nm_rad"] == 6.0
     values["relaxation_s"] = constant_s
     (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
     t = rigid.step_s * np.arange(1, len(delta) + 1)

@@ -25,6 +25,7 @@ from esea_gen.emit.build import device_hash
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain
 from esea_gen.language.ports import Array, Tunable
+from esea_gen.observe import torque_scale
 from esea_gen.plotting import BOUND, INK, MODEL
 from esea_gen.studies.passivity.push import GAIN_TUNABLES, PUSH_RAD_S, PushRun, run_push
 from esea_gen.studies.passivity.sliding import Bools, SlidingCheck, check_sliding
@@ -156,8 +157,8 @@ def push_map(
     return PushMap(kp, kd, tuple(hands), generated, diverging, tolerance, energy, stopped)
 
 
-# From fingers to a whole forearm with its load side; limp and tense; let go, holding on by little
-# and by more, and leaning on something firm.
+# Of a device with the elbow's torque. From fingers to a whole forearm with its load side; limp and
+# tense; let go, holding on by little and by more, and leaning on something firm.
 HANDS = hand_family((0.05, 0.1, 0.2, 0.4), (0.0, 0.5), (0.0, 10.0, 30.0, 100.0, 1000.0))
 # Of a wrist: a finger's touch on the handle to a heavy hand, relaxed to tense.
 WRIST_HANDS = hand_family((0.006, 0.009, 0.015, 0.03), (0.0, 0.05), (0.0, 2.0, 8.0, 20.0, 60.0))
@@ -298,6 +299,7 @@ def study_interaction(
     axis = axis_of(device, Setting(axis=axis))
     if hands is None:
         hands = HANDS if len(device.axes) == 1 else WRIST_HANDS
+        hands = [h.scaled(torque_scale(device)) for h in hands]
     kp, kd = (gain_axis(t, points) for t in _gains(controller))
     marks = [g for g in GAINS if g[0] <= kp[-1] and g[1] <= kd[-1]]
     pairs = dict.fromkeys([*product(kp.tolist(), kd.tolist()), *marks])

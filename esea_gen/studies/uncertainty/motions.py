@@ -24,7 +24,7 @@ from esea_gen.language.ports import Array
 from esea_gen.model.elastomer import MODEL_KEYS, RATE_KEYS
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.sensing import sensing_system
-from esea_gen.observe import ELBOW_NM
+from esea_gen.observe import torque_scale
 from esea_gen.tables import MARK
 
 TORQUES, RATES = len(TORQUE_EDGES) - 1, len(RATE_EDGES) - 1  # classes
@@ -125,7 +125,7 @@ def motions(
     """The published signals as motions: the exact inverse's set-point, filtered as published."""
     tell = say or (lambda _: None)
     h, rate_Hz = device.period_s, 1.0 / device.period_s
-    size = device.tau_full_scale_Nm / ELBOW_NM
+    size = torque_scale(device)
     programs = compiled_programs(device)
     omega_max = device.file.domain.omega_max_rad_s.value
     out = []
