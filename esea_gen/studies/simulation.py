@@ -55,6 +55,7 @@ SHOWN_S = 10.0
 SHOUTED = "unstable"  # of the ways to end, the one that is the controller's own
 Panel = tuple[str, Array, Array, Array, Array]
 ERRORS = ("rms_true_Nm", "rms_model_Nm", "max_true_Nm")
+REPAIRED = "state_repaired_ticks_"  # before a Block's name
 MOST_PANELS = 4  # more cases than this are drawn as bars
 
 
@@ -283,7 +284,15 @@ class Simulation:
         return self.study.to_dict(self) | told | {"simulated": True}
 
     def table(self) -> list[str]:
-        return self._faults() if self.setting.fault else self.study.table(self)
+        every = [(k, n) for e in self.cases() for k, n in e.items() if k.startswith(REPAIRED)]
+        return [
+            *(self._faults() if self.setting.fault else self.study.table(self)),
+            *(
+                f"{key.removeprefix(REPAIRED)}: its state left its Port's range and was repaired "
+                f"in up to {n:g} ticks of a run. Widen that Port, or clip what the step returns."
+                for key, n in dict(sorted(every)).items()  # of each the most
+            ),
+        ]
 
     def _faults(self) -> list[str]:
         # What came of an encoder's fault, a line a case.
@@ -342,6 +351,7 @@ def simulate_case(
     if kept is not None:
         kept[case] = chosen.keep(found, run)
     figures = chosen.measure(found, run, controller_device(asked.controller))
+    figures |= {f"{REPAIRED}{name}": float(n) for name, n in run.repaired.items()}
     return figures | (fault_figures(run, parse_fault(asked.fault)) if asked.fault else {})
 
 

@@ -411,6 +411,10 @@ class ClosedLoop:
                 f"the plant left its ranges before {repaired[0] * self.tick_s:g} s and was started "
                 "afresh: its tunables make it stiffer than its step allows"
             )
-        return ClosedLoopRun(
-            found["plant"], found["controller"], np.arange(len(record)) * self.tick_s
-        )
+        time_s, ticks = np.arange(len(record)) * self.tick_s, dict[str, int]()
+        for x in self.controller.outputs:
+            for k, flag in enumerate(x.port.flags):
+                if flag.name == "STATE_REPAIRED":
+                    bit = found["controller"][x.name] >> k & 1
+                    ticks |= {x.name.removesuffix("_status"): int(bit.sum())} if bit.any() else {}
+        return ClosedLoopRun(found["plant"], found["controller"], time_s, repaired=ticks)

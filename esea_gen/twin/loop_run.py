@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy.typing as npt
@@ -32,12 +32,15 @@ class ClosedLoopRun:
         Time of each tick.
     missed_runs : int
         Runs of the controller's last task that were due and left out.
+    repaired : dict of str to int
+        Ticks in which a Block of the controller repaired its state, by the Block's name.
     """
 
     plant: dict[str, Array]
     controller: dict[str, Array]
     time_s: Array
     missed_runs: int = 0
+    repaired: dict[str, int] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Array:
         """An array by its output's name."""

@@ -162,4 +162,4 @@ def run_on(
         {k: _resampled(v, 1 / ratio, n) for k, v in part.items()}
         for part in (run.plant, run.controller)
     )
-    return ClosedLoopRun(plant, controller, np.arange(n) / RATE_HZ, run.missed_runs)
+    return replace(run, plant=plant, controller=controller, time_s=np.arange(n) / RATE_HZ)

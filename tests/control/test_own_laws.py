@@ -183,11 +183,15 @@ def test_a_device_under_another_law_is_recorded_and_replayed(law, tmp_path, monk
 
 
 @pytest.mark.ci
-def test_a_latched_fault_is_named_and_the_exit_code_is_1(own):
+def test_a_fault_and_a_repaired_state_are_reported(own):
     from typer.testing import CliRunner
 
     limit = '[safety]\ntau_max_Nm = { value = 1.0, status = "assumed", source = "test" }\n'
     own.write_text(OWN + limit)
+    law = own.parent / "laws" / "mine.py"
+    law.write_text(BESIDE.replace("-2 * tau_Nm, 2 * tau_Nm", "-0.01, 0.01"))
+    trust([read_code(law).sha256])
     done = CliRunner().invoke(app, ["simulate", "tuning", "--controller", str(own)])
     assert done.exit_code == 1
     assert "latched: TORQUE, the interaction torque was too large" in done.output
+    assert "proportional: its state left its Port's range and was repaired in up to " in done.output
