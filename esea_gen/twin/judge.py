@@ -24,6 +24,7 @@ ROUGH_HEADS = ("cmd >20 Hz", "noise >5 Hz", "rate limit")
 ROUGH_UNITS = ((1e3, ".1f", " mNm"), (1e3, ".1f", " mNm"), (1e2, ".1f", " %"))
 COMMAND_HZ, NOISE_HZ = 20.0, 5.0  # no person follows; nor is there a wanted torque, in the studies
 RATE_LIMITED = 1 << [f.name for f in limit_status(1.0).flags].index("RATE_LIMITED")
+LIMITED = "rate_limited"  # of a run at another rate: the share of each ms
 AFTER_S = 0.2  # how long the limb is still watched after a fault has been found
 SWINGS_HZ = 4.0  # above what a person wants; the drive swings on its cable beyond
 ENDED = {"unstable": "unstable", "tripped": "drive tripped", "fault": "fault latched"}
@@ -58,14 +59,19 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def roughness(u_Nm: Array, error_Nm: Array, limits_status: Array) -> dict[str, float]:
+def rate_limited(limits_status: Array) -> Array:
+    """1 where the limits' rate holds the command back, else 0."""
+    word = np.asarray(limits_status, dtype=np.int64)
+    return np.asarray(word & RATE_LIMITED > 0, dtype=np.float64)
+
+
+def roughness(u_Nm: Array, error_Nm: Array, limited: Array) -> dict[str, float]:
     """How rough a drive runs, sampled at 1 kHz.
 
     The command above 20 Hz, the torque above 5 Hz that the wanted one does not have, and the share
     of the time in which the limits' rate holds the command back.
     """
-    acts = (np.asarray(limits_status).astype(np.int64) & RATE_LIMITED) > 0
-    values = rms(above(u_Nm, COMMAND_HZ)), rms(above(error_Nm, NOISE_HZ)), float(np.mean(acts))
+    values = rms(above(u_Nm, COMMAND_HZ)), rms(above(error_Nm, NOISE_HZ)), float(np.mean(limited))
     return dict(zip(ROUGHNESS, values, strict=True))
 
 
@@ -84,7 +90,7 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float, torque: float = 1.0) 
     true, model = run.plant["tau_e_Nm"] - desired, run.controller["tau_Nm"] - desired
     speed = np.max(np.abs(run.plant["omega_g_rad_s"]))
     u = run.controller["u_Nm"][w]
-
+    limited = run.controller.get(LIMITED, rate_limited(run.controller["limits_status"]))
     worst = float(np.max(np.abs(true[w])))
     error_Nm = torque * PLANTS.unstable.max_true_error_Nm
     out = {
@@ -96,7 +102,7 @@ def judge(case: Case, run: ClosedLoopRun, u_max_Nm: float, torque: float = 1.0) 
         "tripped": float(np.max(run.plant["tripped"]) > 0),
         "fault": float(np.max(run.controller["fault"][w]) > 0),
         "limited_share": float(np.mean(np.abs(u) >= 0.999 * u_max_Nm)),
-        **roughness(u, true[w], run.controller["limits_status"][w]),
+        **roughness(u, true[w], limited[w]),
     }
     if (latched := np.flatnonzero(run.controller["fault"][w])).size:
         out["fault_reason"] = float(run.controller["fault"][w][latched[0]])

@@ -173,6 +173,8 @@ def test_any_sensing_rate_is_simulated(tmp_path, rate_Hz, control_Hz):
     assert len(run) == len(case.trajectory.tau_desired_Nm)
     assert run.time_s[-1] == pytest.approx((len(run) - 1) / 1000)
     assert judge(case, run, 0.221)["rms_true_Nm"] < 0.15
+    # Where the rate limit acts in one of two ticks, both count.
+    assert (0.5 in run.controller["rate_limited"]) == (rate_Hz == 2000.0)
     # The control task runs as often as it says: its output holds in between.
     changes = np.flatnonzero(np.diff(run.controller["u_eq_Nm"][200:]))
     assert np.median(np.diff(changes)) == pytest.approx(1000 / control_Hz, abs=1)

@@ -13,7 +13,7 @@ import numpy as np
 from esea_gen.errors import UserError
 from esea_gen.files import written_whole
 from esea_gen.model.sensing import of_axis
-from esea_gen.twin.judge import ROUGHNESS, rms, roughness
+from esea_gen.twin.judge import ROUGHNESS, rate_limited, rms, roughness
 from esea_host.connection.address import driven_by
 from esea_host.connection.opening import require_device
 from esea_host.recording.log import Log, Table, open_log
@@ -120,7 +120,7 @@ def _draw(log: Log, verdict: ReplayVerdict, path: Path) -> tuple[float, dict[str
     rms_Nm, rough = float("nan"), dict.fromkeys(ROUGHNESS, float("nan"))
     if judged.any():
         limits = np.asarray(last[of_axis("limits_status", axis)])[judged]
-        rms_Nm, rough = rms(error_Nm), roughness(u_Nm[judged], error_Nm, limits)
+        rms_Nm, rough = rms(error_Nm), roughness(u_Nm[judged], error_Nm, rate_limited(limits))
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9, 9.4), layout="constrained")
         torque, bend, command, acts, loop = figure.subplot_mosaic(
