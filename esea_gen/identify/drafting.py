@@ -194,6 +194,8 @@ def sourced_device(
             text = fit.edges[key]
         elif sigma is None or not math.isfinite(sigma):
             text = "the torque does not depend on it"
+        elif key in spread.moved:
+            text = f"depends on a bound that was reached; without it {spread.moved[key]:+.2g}"
         else:
             text, known = f"standard deviation {sigma:.2g}", determined(value, sigma)
         if not timed and key in RATE_KEYS:

@@ -60,6 +60,7 @@ class Identification(Identified):
                 "value": self.fit.values[key],
                 "unit": unit_of(key),
                 "sigma": sigma if sigma is not None and math.isfinite(sigma) else None,
+                "moved_by_bounds": self.spread.moved.get(key),
                 "fixed": key == "eps2",
                 "at_bound": None if key == "eps2" else at_bound(key, self.fit.values[key]),
                 "low": low,
@@ -137,7 +138,7 @@ def identify(
         else:
             with_rate = full[3]
     tell(0.95, "uncertainty")
-    spread = uncertainty(plant, fit.values)
+    spread = uncertainty(plant, fit.values, fit.edges)
     device = sourced_device(source, recordings, device, fit, spread)
     device = gated(device, recordings)
     band, pair = spread.resampled, (without or verdict, with_rate or verdict)

@@ -86,6 +86,13 @@ def notes_of(
         sigma = spread.sigma.get(key)
         if bound:
             yield f"{key} = {value:.4g} is at its {bound} bound."
+        elif key in spread.moved:
+            yield (
+                f"{key} = {value:.4g} depends on a bound that was reached and is marked assumed: "
+                f"without that bound the optimum moves by {spread.moved[key]:+.2g}, above its "
+                f"standard deviation {sigma:.2g}. Check units and scales, or record what "
+                "determines the bounded parameter."
+            )
         elif sigma is not None and sigma > SHARP * abs(value):
             yield (
                 f"{key} = {value:.4g} is poorly determined (standard deviation "

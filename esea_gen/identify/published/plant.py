@@ -6,8 +6,8 @@ import copy
 import hashlib
 import math
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,8 @@ from esea_gen.identify.published.space import at_bound, bounds_of
 from esea_gen.identify.recording.reading import beyond_rad, resample
 from esea_gen.identify.recording.recorded import Recording, training_sets
 from esea_gen.identify.recording.resampling import (
+    CLEAR,
+    ROUNDING,
     FitRows,
     LeftOut,
     autocorrelation,
@@ -273,6 +275,9 @@ class Uncertainty:
     weakest: dict[str, Any]
     correlation_factor: float  # by which neighbouring residuals raise sigma
     resampled: LeftOut | None = None  # None: no parameter is free
+    # By how much the optimum moves a free parameter when the bounds that it ended at are lifted,
+    # where that is more than its standard deviation.
+    moved: Mapping[str, float] = field(default_factory=dict)
 
 
 def free_keys(values: Mapping[str, float]) -> list[str]:
@@ -281,8 +286,13 @@ def free_keys(values: Mapping[str, float]) -> list[str]:
     return [k for k in keys if at_bound(k, values[k]) is None]
 
 
-def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
-    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`)."""
+def uncertainty(
+    plant: FittedPlant, values: Mapping[str, float], edges: Collection[str] = ()
+) -> Uncertainty:
+    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`).
+
+    edges: parameters that ended at the edge of the search, inside their own bounds.
+    """
     # The Jacobian says which parameters the torque does not depend on, and in which direction the
     # fit is weakest.
     free = free_keys(values)
@@ -306,4 +316,35 @@ def uncertainty(plant: FittedPlant, values: Mapping[str, float]) -> Uncertainty:
         sigma[k] = math.inf if lost else float(found.sigma[i]) * values[k]
     direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
     weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
-    return Uncertainty(sigma, weakest, factor, found)
+    inner = [i for i, k in enumerate(free) if k not in edges]
+    own, lifted = jacobian[:, inner], jacobian[:, inner]
+    for key in (k for k in sigma if k in edges or (k not in free and k != "eps2")):
+        more = np.column_stack([own, _slope(plant.torque, values, key) * scale])
+        step = _step(more, -residual)
+        apart = more / scale[:, None], (-residual - more @ step) / scale, scale
+        beyond = CLEAR * resampled(*apart, plant.rows, plant.whole).sigma[-1]
+        # Below 0 there is no rubber: that bound is true, unless the recording clearly differs.
+        if values[key] != 0 or abs(step[-1]) > beyond:
+            lifted = np.column_stack([lifted, more[:, -1]])
+    shifts = _step(lifted, -residual)[: len(inner)] - _step(own, -residual)
+    keys = [free[i] for i in inner]
+    by = {k: float(x) * values[k] for k, x in zip(keys, shifts, strict=True)}
+    moved = {k: x for k, x in by.items() if abs(x) > (sigma[k] or 0.0)}
+    return Uncertainty(sigma, weakest, factor, found, moved)
+
+
+def _step(jacobian: Array, error: Array) -> Array:
+    # Least squares; columns of any unit.
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    return np.asarray(np.linalg.lstsq(jacobian / size, error, rcond=ROUNDING)[0] / size)
+
+
+def _slope(
+    run: Callable[[dict[str, float]], Array], values: Mapping[str, float], key: str
+) -> Array:
+    # To the inside of the bounds; a number that is 0 has no size of its own.
+    high = bounds_of(key)[1]
+    step = 1e-3 * values[key] or 1e-6 * high
+    step = -step if values[key] + step > high else step
+    return (run({**values, key: values[key] + step}) - run({**values})) / step
