@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import Any, Literal
 
@@ -134,7 +134,24 @@ NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE | re.ASCII)
 GROUPED = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019\u00a0\u202f ])\d{3})(?:\1\d{3})*(?:[.,]\d*)?")
 LONG_INTEGER = re.compile(r"[+-]?\d{16,}", re.ASCII)
 PLAIN = frozenset("0123456789+-eE \t\n")  # of these and a decimal mark float takes only numbers
+# A channel of a lower rate than the rows': so many values at least, this share of them for the same
+# number of rows within one; of more rows it is a test in steps.
+LEAST_UPDATES, REGULAR, MOST_HELD = 20, 0.95, 100
 EXACT = 2**53  # whole numbers up to here are doubles
+
+
+def held_rows(values: Array) -> int:
+    """Rows for which a sampled channel repeats each of its values; 1: it has one a row."""
+    # A quantised channel at rest or in slow motion repeats values too, for changing numbers of
+    # rows, and moves on by its resolution.
+    moves = np.diff(values)
+    at = np.flatnonzero(moves)
+    rows = np.diff(at)
+    usual = int(np.median(rows)) if len(rows) >= LEAST_UPDATES else 1
+    if not 1 < usual <= MOST_HELD or np.mean((rows > 1) & (abs(rows - usual) <= 1)) < REGULAR:
+        return 1
+    resolution = np.percentile(np.diff(np.unique(values)), 10)
+    return usual if np.median(np.abs(moves[at])) > 2 * resolution else 1
 
 
 @dataclass(frozen=True)
@@ -148,6 +165,7 @@ class FileTable:
     left_out: tuple[str, ...] = ()  # what was left out, with counts and lines
     settings: str = ""  # where users set the format, if anywhere
     marked: bool = False  # as simulated, by its first line
+    held: dict[str, int] = field(default_factory=dict)  # rows, of those read that repeat values
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -182,6 +200,8 @@ class FileTable:
                 f"value{'s' if len(bad) > 1 else ''} in the column).",
                 "Cut these rows out of the file or repair them.",
             )
+        if (rows := held_rows(values)) > 1:
+            self.held[column] = rows
         return values
 
     def texts(self, column: str) -> tuple[str, ...]:
@@ -243,7 +263,12 @@ class FileTable:
     def report(self) -> str:
         """One line: rows, format of the file, omitted data, whether simulated."""
         rows = f"{len(self)} row{'s' * (len(self) != 1)}"
-        return f"{self.name}: {rows}, {self.how()}{MARK * self.simulated}"
+        held = (
+            f"; column '{column}' has a new value in every {n}. row only, not in each: record it "
+            f"at the rows' rate, or keep one row in {n}"
+            for column, n in self.held.items()
+        )
+        return f"{self.name}: {rows}, {self.how()}{''.join(held)}{MARK * self.simulated}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

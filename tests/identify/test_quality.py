@@ -57,6 +57,19 @@ def test_a_simulated_export_and_a_unit_unlike_its_columns_name_identify_nothing(
     assert (r.simulated, r.label) == (True, "rig; SIMULATED")
 
 
+@pytest.mark.parametrize("every", [4, 10])
+def test_of_a_torque_that_is_held_its_own_values_train(tmp_path, every):
+    t, x, y = rig()
+    (r,) = load_recordings(
+        load_mapping(written(tmp_path, t, x, np.repeat(y[::every], every)[: len(y)]))
+    )
+    assert {f.kind for f in r.findings} == {"torque held"}
+    assert f"a new value in every {every}. row only" in r.findings[0].text
+    rows = np.concatenate([np.r_[s.training, s.held_out] for s in r.sets])
+    assert np.all(rows % every == 0)
+    assert r.tau_Nm[rows] == pytest.approx(y[rows], abs=1e-9)
+
+
 # What is masked.
 
 

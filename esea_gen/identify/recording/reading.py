@@ -32,7 +32,7 @@ from esea_gen.identify.recording.quality import (
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.tables import KINDS, TIME, Mapping, RecordingTable, ToFit
 from esea_gen.language.ports import Array
-from esea_gen.tables import MARK, FileTable, read_table
+from esea_gen.tables import MARK, FileTable, held_rows, read_table
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop
@@ -156,6 +156,11 @@ def _load(
     _check_length(source, name, time)
     if m.torque.lag_s is not None:
         time, theta, tau = _without_lag(name, m.torque.lag_s.value, time, theta, tau)
+    theta, stale, held = _updated("deflection", time, theta)
+    tau, stale_tau, held_tau = _updated("torque", time, tau)
+    fresh = slice(0, 1 + int(min(np.flatnonzero(~s)[-1] for s in (stale, stale_tau))))
+    time, theta, tau = time[fresh], theta[fresh], tau[fresh]
+    stale = (stale | stale_tau)[fresh]
     jumped = jumps(theta)
     theta = bridged(theta, jumped)
     gap = m.deflection.backlash_rad
@@ -183,16 +188,33 @@ def _load(
         timed=timed,
         dropped=dropped,
         cycles=cycles,
-        sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped),
+        sets=data_sets(label, theta, tau, cycles, table.use, spoilt | spiky | jumped | stale),
         conditions=tuple(c.name for c in m.condition if any(fnmatch(name, p) for p in c.files)),
         findings=(
             *_unlike_names(m),
+            *held,
+            *held_tau,
             *_findings(read, jumped, spiky, recorded, turned, gap),
             *worse,
         ),
         temperature_C=_temperature(m, table, name, columns),
         simulated=read.simulated,
     )
+
+
+def _updated(what: str, time: Array, x: Array) -> tuple[Array, Mask, tuple[Finding, ...]]:
+    # A channel of a lower rate than the rows': drawn straight between its own values, which alone
+    # train and judge. A deflection may have turned between two.
+    rows, stale = held_rows(x), np.diff(x, prepend=np.nan) == 0
+    if rows == 1:
+        return x, np.zeros(len(x), dtype=bool), ()
+    rate_Hz = 1 / float(np.median(np.diff(time)))
+    text = (
+        f"the {what} has a new value in every {rows}. row only ({rate_Hz / rows:.3g} Hz, the rows "
+        f"{rate_Hz:.3g} Hz): the rows between are interpolated and neither train nor judge; record "
+        "it at the rows' rate"
+    )
+    return bridged(x, stale), stale, (Finding(f"{what} held", text, what == "deflection"),)
 
 
 def _without_lag(
