@@ -285,11 +285,8 @@ def read_result(path: Path, kinds: Collection[str]) -> dict[str, Any]:
 def write_json(
     path: Path | None, what: str, content: Mapping[str, Any], simulated: bool | None = None
 ) -> None:
-    """Write a result as JSON, if a file was named; what: as :func:`stamped`.
-
-    simulated: whether any of the recordings is that it was read from; None: there are none.
-    """
+    """Write a result, and whether its recordings are simulated, if a file was named."""
     if path is not None:
-        content = content if simulated is None else {"simulated": simulated} | dict(content)
-        text = json.dumps(stamped(what, content), indent=2, allow_nan=False)
+        mark = {} if simulated is None else {"simulated": simulated}
+        text = json.dumps(stamped(what, mark | dict(content)), indent=2, allow_nan=False)
         write_whole(path, text + "\n")

@@ -78,12 +78,12 @@ class Terminated(KeyboardInterrupt):
 class Shown:
     """``verbose``: errors come with their traceback; ``streams``: the output is all there is."""
 
-    verbose, streams, lost = False, False, 0  # lost: exit code of output that ended
+    program, verbose, streams = "", False, False
+    lost = 0  # exit code of output that ended
 
 
 class _Output(io.FileIO):
     # A reader that goes, or a full disk, ends the output, not the command: its files are written.
-    program = ""
 
     def write(self, data: Any) -> Any:
         try:
@@ -91,13 +91,14 @@ class _Output(io.FileIO):
         except OSError as error:
             if Shown.streams:
                 raise
-            Shown.lost = _told(self.program, error)
+            Shown.lost = _told(Shown.program, error)
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
             return len(data)
 
 
 def run(program: str, app: typer.Typer, quiet: Callable[[], bool] = lambda: False) -> NoReturn:
     """Run a program's command line, and end with its exit code."""
+    Shown.program = program
     with _hooks(program, quiet) as ended_by:
         try:
             code = _outcome(program, app)
@@ -237,7 +238,7 @@ def _print(text: str) -> None:
 def _hooks(program: str, quiet: Callable[[], bool]) -> Iterator[list[int]]:
     # Signals, threads and warnings speak through the boundary while it is there.
     # gives: the signals that ended it.
-    _have_streams(program)
+    _have_streams()
     ended_by, late, over = list[int](), list[threading.Timer](), False
 
     def end(number: int, frame: Any) -> None:
@@ -300,7 +301,7 @@ def _dropped(frame: Any) -> bool:
     return frame is not None
 
 
-def _have_streams(program: str) -> None:
+def _have_streams() -> None:
     # A closed one is as good as none: else the first file that is opened takes its place.
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -312,7 +313,7 @@ def _have_streams(program: str) -> None:
     was = sys.stdout
     if was is sys.__stdout__ and isinstance(was, io.TextIOWrapper):
         raw = _Output(was.fileno(), "w", closefd=False)
-        raw.program, how = program, (was.line_buffering, was.write_through)
+        how = was.line_buffering, was.write_through
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), was.encoding, None, None, *how)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # what this terminal's letters cannot write

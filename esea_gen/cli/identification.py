@@ -389,7 +389,7 @@ def friction(
     from esea_gen.identify.drive.friction import fit_friction, read_run
     from esea_gen.identify.identified import marked, write_device
     from esea_gen.report.figures import friction_picture
-    from esea_gen.tables import MARK, told_simulated
+    from esea_gen.tables import MARK
 
     if (device is None) != (folder is None):
         raise UserError("--device and --out work only together.", "Give both, or neither.")
@@ -399,7 +399,7 @@ def friction(
         raise UserError(f"{loaded.origin}: has no [actuator].", "Give a device with a drive.")
     refuse_copies(files)
     read = [read_run(f, full) for f in files]
-    simulated = told_simulated(r.read_as for r in read)
+    simulated = any(r.read_as.endswith(MARK) for r in read)
     out.lines(r.read_as for r in read)
     found = fit_friction(read)
     show(found, json_file, "friction", simulated=simulated)

@@ -205,11 +205,8 @@ def read_specimens(path: Path) -> tuple[FileTable, dict[str, Array]]:
     torques = {n: table.numbers(n) for n in names}
     for n, x in torques.items():
         if len(x) >= LEAST_ROWS and np.all(np.diff(x) == 1):
-            raise UserError(
-                f"{path}: column '{n}' counts the rows, from {x[0]:g} to {x[-1]:g}; each column is "
-                "a specimen's torque in Nm.",
-                "Remove it, or put it first under the name 'condition'.",
-            )
+            text = f"{path}: column '{n}' counts the rows, from {x[0]:g} to {x[-1]:g}: no torque."
+            raise UserError(text, "Remove it, or put it first under the name 'condition'.")
     return table, torques
 
 

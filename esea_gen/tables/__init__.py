@@ -10,23 +10,6 @@ Rows without a time are refused by ``numbers``, or left out and counted by ``tab
 """
 
 from esea_gen.tables.reader import read_table
-from esea_gen.tables.table import (
-    MARK,
-    SIMULATED,
-    FileTable,
-    TableFormat,
-    held_rows,
-    numbered,
-    told_simulated,
-)
+from esea_gen.tables.table import MARK, SIMULATED, FileTable, TableFormat, numbered
 
-__all__ = [
-    "MARK",
-    "SIMULATED",
-    "FileTable",
-    "TableFormat",
-    "held_rows",
-    "numbered",
-    "read_table",
-    "told_simulated",
-]
+__all__ = ["MARK", "SIMULATED", "FileTable", "TableFormat", "numbered", "read_table"]

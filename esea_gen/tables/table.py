@@ -20,12 +20,6 @@ LONGEST_SHOWN = 40  # characters of a cell in a message
 MOST_SHOWN = 20  # names of columns in a message
 MOST_LINES = 5  # line numbers in a message
 SIMULATED, MARK = "simulated", "; SIMULATED"  # column of an export; what a text ends with
-
-
-def told_simulated(texts: Iterable[str]) -> bool:
-    return any(t.endswith(MARK) for t in texts)
-
-
 Kind = Literal["csv", "mat", "hdf5", "parquet", "json"]
 
 
@@ -142,10 +136,9 @@ EXACT = 2**53  # whole numbers up to here are doubles
 
 def held_rows(values: Array) -> int:
     """Rows for which a sampled channel repeats each of its values; 1: it has one a row."""
-    # A quantised channel at rest or in slow motion repeats values too, for changing numbers of
-    # rows, and moves on by its resolution.
-    moves = np.diff(values)
-    at = np.flatnonzero(moves)
+    # A quantised one repeats values in slow motion, for changing numbers of rows, and moves on by
+    # its resolution.
+    at = np.flatnonzero(moves := np.diff(values))
     rows = np.diff(at)
     usual = int(np.median(rows)) if len(rows) >= LEAST_UPDATES else 1
     if not 1 < usual <= MOST_HELD or np.mean((rows > 1) & (abs(rows - usual) <= 1)) < REGULAR:
@@ -263,12 +256,10 @@ class FileTable:
     def report(self) -> str:
         """One line: rows, format of the file, omitted data, whether simulated."""
         rows = f"{len(self)} row{'s' * (len(self) != 1)}"
-        held = (
-            f"; column '{column}' has a new value in every {n}. row only, not in each: record it "
-            f"at the rows' rate, or keep one row in {n}"
-            for column, n in self.held.items()
-        )
-        return f"{self.name}: {rows}, {self.how()}{''.join(held)}{MARK * self.simulated}"
+        for column, n in self.held.items():
+            rows += f", column '{column}' with a new value in every {n}. only (keep those, or "
+            rows += "record it at the rows' rate)"
+        return f"{self.name}: {rows}, {self.how()}{MARK * self.simulated}"
 
     def fix(self, key: str, otherwise: str) -> str:
         """A remedy by a key of the format, where the user can set one."""

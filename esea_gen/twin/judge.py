@@ -61,8 +61,7 @@ def rms(values: Array) -> float:
 
 def rate_limited(limits_status: Array) -> Array:
     """1 where the limits' rate holds the command back, else 0."""
-    word = np.asarray(limits_status, dtype=np.int64)
-    return np.asarray(word & RATE_LIMITED > 0, dtype=np.float64)
+    return np.asarray(np.asarray(limits_status, np.int64) & RATE_LIMITED > 0, dtype=np.float64)
 
 
 def roughness(u_Nm: Array, error_Nm: Array, limited: Array) -> dict[str, float]:

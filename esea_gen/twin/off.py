@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -92,7 +92,7 @@ def _everything(part: float = 1.0, missing: bool = False) -> Draw:
         values = {
             "elastomer_scale": uniform(r.rubber_scale, 1.0),
             "hysteresis_scale": uniform(r.hysteresis_scale, 1.0),
-            "relaxation_Nm_rad": torque_scale(device) * uniform(r.relaxation_Nm_rad),
+            "relaxation_Nm_rad": uniform(r.relaxation_Nm_rad),
             "fv_Nms_rad": by_ratio(r.friction_scale) * a.fv_Nms_rad.value,
             "fc_Nm": by_ratio(r.friction_scale) * a.fc_Nm.value,
             "J_kgm2": uniform(r.inertia_scale, 1.0) * a.J_kgm2.value,
@@ -119,12 +119,8 @@ def off_families() -> dict[str, OffFamily]:
         return f"{100 * (x - 1):+.0f}"
 
     wide, slow = f"{1000 * o.backlash_rad:g}", o.relaxation_s
-
-    def branch(device: Device, _: np.random.Generator) -> Deviation:
-        stiffness = torque_scale(device) * o.relaxation_Nm_rad
-        return Deviation({"relaxation_Nm_rad": stiffness, "relaxation_s": slow})
-
-    part = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad (elbow's) with {slow:g} s"
+    branch = values(relaxation_Nm_rad=o.relaxation_Nm_rad, relaxation_s=slow)
+    part = f"a second Maxwell branch, {o.relaxation_Nm_rad:g} Nm/rad (elbow) with {slow:g} s"
     twice = o.hysteresis_scale
     rows: list[tuple[str, str, str, Draw]] = [
         (NOTHING, NOTHING, "nothing off beside what the plant has", values()),
@@ -205,7 +201,9 @@ def chosen_families(given: str, *, rigid: bool = False) -> list[str]:
 def deviation(name: str, device: Device, seed: int) -> Deviation:
     """Mismatch in the run of a seed, by the name of one family."""
     (only,) = chosen_families(name)
-    return off_families()[only].draw(device, np.random.default_rng([seed, _DRAWS]))
+    found = off_families()[only].draw(device, np.random.default_rng([seed, _DRAWS]))
+    by = {"relaxation_Nm_rad": torque_scale(device)}  # the others go with the device as they are
+    return replace(found, values={k: v * by.get(k, 1) for k, v in found.values.items()})
 
 
 def refuse_unknown(what: str, values: Collection[str], known: Collection[str]) -> None:

@@ -122,11 +122,8 @@ class PassiveTwin:
 
     def __init__(self, device: Device, encoder_noise_rad: float = ENCODER_NOISE_RAD) -> None:
         if (inputs := [x.name for x in device.system.inputs]) != ["theta_rad"]:
-            raise UserError(
-                f"{device.name}: its inputs are {', '.join(inputs)}, the passive twin's is "
-                "theta_rad: one axis and no motor.",
-                "Give a device such as knee.",
-            )
+            text = f"{device.name}: inputs {', '.join(inputs)}; the twin has one axis and no motor."
+            raise UserError(text, "Give a device whose input is theta_rad, such as knee.")
         self.device, self.encoder_noise_rad = device, encoder_noise_rad
         library = compile_system(passive_system(device, tick_s=device.period_s), "f64")
         self._plant, self._encoders = library.block("plant"), library.block("encoders")

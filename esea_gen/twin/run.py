@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.horizon import Horizon
@@ -100,11 +99,8 @@ def told(
 
 def _resampled(values: Array, ratio: float, count: int) -> Array:
     # What holds at each of ``count`` moments, ``ratio`` old samples apart; unchanged at ratio 1.
-    return np.asarray(values[_moments(len(values), ratio, count)])
-
-
-def _moments(old: int, ratio: float, count: int) -> npt.NDArray[np.intp]:
-    return np.minimum((np.arange(count) * ratio + 1e-6).astype(np.intp), old - 1)
+    at = (np.arange(count) * ratio + 1e-6).astype(int)
+    return np.asarray(values[np.minimum(at, len(values) - 1)])
 
 
 def axis_of(device: Device, setting: Setting) -> str:
@@ -168,7 +164,7 @@ def run_on(
         for part in (run.plant, run.controller)
     )
     # The limit may act in every second tick: the mean of all up to the next moment.
-    at = _moments(len(run), 1 / ratio, n)
+    at = _resampled(np.arange(len(run), dtype=float), 1 / ratio, n).astype(int)
     acts = np.add.reduceat(rate_limited(run.controller["limits_status"]), at)
     controller[LIMITED] = acts / np.maximum(1, np.diff(at, append=len(run)))
     return replace(run, plant=plant, controller=controller, time_s=np.arange(n) / RATE_HZ)

@@ -323,7 +323,7 @@ def test_a_channel_of_a_lower_rate_is_reported(tmp_path):
     for name in table.names:
         table.numbers(name)
     assert table.held == {"a": 3}
-    assert "; column 'a' has a new value in every 3. row only, not in each: rec" in table.report()
+    assert "3000 rows, column 'a' with a new value in every 3. only (" in table.report()
 
 
 def test_what_unpacks_to_too_much_is_refused(monkeypatch):

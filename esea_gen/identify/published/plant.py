@@ -289,10 +289,7 @@ def free_keys(values: Mapping[str, float]) -> list[str]:
 def uncertainty(
     plant: FittedPlant, values: Mapping[str, float], edges: Collection[str] = ()
 ) -> Uncertainty:
-    """Standard deviations from blocks left out (:mod:`esea_gen.identify.recording.resampling`).
-
-    edges: parameters that ended at the edge of the search, inside their own bounds.
-    """
+    """Standard deviations from blocks left out; edges: what ended at the edge of the search."""
     # The Jacobian says which parameters the torque does not depend on, and in which direction the
     # fit is weakest.
     free = free_keys(values)
@@ -316,8 +313,8 @@ def uncertainty(
         sigma[k] = math.inf if lost else float(found.sigma[i]) * values[k]
     direction = {k: round(float(x), 3) for k, x in zip(free, v[-1], strict=True)}
     weakest = {"direction": direction, "rms_change_Nm": 0.1 * float(singular[-1]) / math.sqrt(rows)}
-    inner = [i for i, k in enumerate(free) if k not in edges]
-    own, lifted = jacobian[:, inner], jacobian[:, inner]
+    inner = [k for k in free if k not in edges]
+    own = lifted = jacobian[:, [k in inner for k in free]]
     for key in (k for k in sigma if k in edges or (k not in free and k != "eps2")):
         more = np.column_stack([own, _slope(plant.torque, values, key) * scale])
         step = _step(more, -residual)
@@ -327,9 +324,8 @@ def uncertainty(
         if values[key] != 0 or abs(step[-1]) > beyond:
             lifted = np.column_stack([lifted, more[:, -1]])
     shifts = _step(lifted, -residual)[: len(inner)] - _step(own, -residual)
-    keys = [free[i] for i in inner]
-    by = {k: float(x) * values[k] for k, x in zip(keys, shifts, strict=True)}
-    moved = {k: x for k, x in by.items() if abs(x) > (sigma[k] or 0.0)}
+    found_by = {k: float(x) * values[k] for k, x in zip(inner, shifts, strict=True)}
+    moved = {k: x for k, x in found_by.items() if abs(x) > (sigma[k] or 0.0)}
     return Uncertainty(sigma, weakest, factor, found, moved)
 
 

@@ -32,7 +32,8 @@ from esea_gen.identify.recording.quality import (
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.identify.recording.tables import KINDS, TIME, Mapping, RecordingTable, ToFit
 from esea_gen.language.ports import Array
-from esea_gen.tables import MARK, FileTable, held_rows, read_table
+from esea_gen.tables import MARK, FileTable, read_table
+from esea_gen.tables.table import held_rows
 
 MIN_SAMPLES = 50
 MAX_DROPPED = 0.01  # share of samples that the glitch rule may drop

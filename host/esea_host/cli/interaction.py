@@ -12,7 +12,7 @@ from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.options import FigureOption, option
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
-from esea_gen.tables import read_table, told_simulated
+from esea_gen.tables import MARK, read_table
 from esea_host.cli.app import app, out, say, say_left_out
 from esea_host.cli.options import JsonOption, ReportOption
 from esea_host.cli.study import FolderArgument, opened, study_app
@@ -125,7 +125,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
 
     found = read_survey(file)
     say(found.lines())
-    write_json(json_file, "host-survey", found.to_dict(), told_simulated([found.read]))
+    write_json(json_file, "host-survey", found.to_dict(), found.read.endswith(MARK))
     _draw(figure, diverging_bars(found))
 
 
@@ -149,7 +149,7 @@ def comments(file: FileArgument, json_file: JsonOption = None) -> None:
 
     found = read_comments(file)
     say(found.lines())
-    write_json(json_file, "host-comments", found.to_dict(), told_simulated([found.read]))
+    write_json(json_file, "host-comments", found.to_dict(), found.read.endswith(MARK))
 
 
 @analyse.command()

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from esea_gen.errors import UserError
 from esea_gen.pages import environment
 from esea_gen.plotting import INK, STYLE
-from esea_gen.tables import MARK, FileTable, read_table, told_simulated
+from esea_gen.tables import MARK, FileTable, read_table
 from esea_host import statistics
 from esea_host.interaction.design import ELEMENTS, FIRST, SPRING
 from esea_host.interaction.published import TABLE_6_4, TABLE_6_5
@@ -188,7 +188,7 @@ def diverging_bars(survey: Survey) -> Figure:
             sum(q.counts) - min(sum(q.counts[:2]), sum(q.counts[3:])) for q in survey.questions
         )
         axes.set_xlim(-reach - 0.5, reach + 0.5)
-        mark = MARK * told_simulated([survey.read])
+        mark = MARK * survey.read.endswith(MARK)
         axes.set_xlabel(f"people: spring less   |   spring more{mark}")
         axes.xaxis.set_major_formatter(lambda x, _: f"{abs(x):g}")
         axes.grid(visible=False, axis="y")
