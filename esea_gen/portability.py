@@ -263,21 +263,6 @@ def other_end_left(link: socket.socket) -> bool:
         return not isinstance(error, BlockingIOError)
 
 
-def output_closed(error: BaseException) -> bool:
-    """Whether an error says that nobody reads our standard output any more."""
-    if sys.platform == "win32":  # tells of an invalid argument instead
-        closed = isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.EINVAL)
-        return closed and not getattr(error, "filename", None)
-    if not isinstance(error, BrokenPipeError):
-        return False
-    try:
-        poll = select.poll()
-        poll.register(sys.stdout.fileno(), 0)
-        return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
-    except (OSError, ValueError):
-        return True
-
-
 # Signs that our texts have and a console's encoding may lack.
 _NEAR = dict(zip("\u2212\u2013\u207b\u201c\u201d\u00b7\u00d7\u00b5", '---"".xu', strict=True))
 _NEAR |= {"\u2026": "...", "\u221e": "inf", "\u00b0": " deg", "\u00b1": "+-"}

@@ -22,7 +22,7 @@ from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.received import shown_lines
-from esea_gen.portability import ENDING_SIGNALS, output_closed, signal_again
+from esea_gen.portability import ENDING_SIGNALS, signal_again
 from esea_gen.python_file import MODULE
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
@@ -89,10 +89,11 @@ class _Output(io.FileIO):
         try:
             return super().write(data)
         except OSError as error:
-            if Shown.streams:
-                raise
-            Shown.lost = _told(Shown.program, error)
+            closed = error.errno in (errno.EPIPE, errno.EINVAL)  # the second one on Windows
+            Shown.lost = 1 if closed else _told(Shown.program, error)
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+            if Shown.streams:
+                raise SystemExit(Shown.lost) from None
             return len(data)
 
 
@@ -102,15 +103,12 @@ def run(program: str, app: typer.Typer, quiet: Callable[[], bool] = lambda: Fals
     with _hooks(program, quiet) as ended_by:
         try:
             code = _outcome(program, app)
-            sys.stdout.flush()
-            code = code or Shown.lost
         except BaseException as error:
             code = _told(program, error)
-            with suppress(OSError, ValueError):
-                sys.stdout.flush()
+        _let_go_of_output()
+        code = code or Shown.lost
         if ended_by and code in (0, INTERRUPTED):
             code = 128 + ended_by[0]
-        _let_go_of_output()
     raise SystemExit(code)
 
 
@@ -143,8 +141,6 @@ def _told(program: str, error: BaseException) -> int:
     if by_hand(error):
         _print(f"{program}: stopped. Files written before are complete.")
         return INTERRUPTED
-    if output_closed(error):
-        return 1
     said = explained(error)
     if Shown.verbose:
         with suppress(OSError, ValueError):
