@@ -157,11 +157,7 @@ def _load(
     _check_length(source, name, time)
     if m.torque.lag_s is not None:
         time, theta, tau = _without_lag(name, m.torque.lag_s.value, time, theta, tau)
-    theta, stale, held = _updated("deflection", time, theta)
-    tau, stale_tau, held_tau = _updated("torque", time, tau)
-    fresh = slice(0, 1 + int(min(np.flatnonzero(~s)[-1] for s in (stale, stale_tau))))
-    time, theta, tau = time[fresh], theta[fresh], tau[fresh]
-    stale = (stale | stale_tau)[fresh]
+    time, theta, tau, stale, held = _updated(time, theta, tau)
     jumped = jumps(theta)
     theta = bridged(theta, jumped)
     gap = m.deflection.backlash_rad
@@ -194,7 +190,6 @@ def _load(
         findings=(
             *_unlike_names(m),
             *held,
-            *held_tau,
             *_findings(read, jumped, spiky, recorded, turned, gap),
             *worse,
         ),
@@ -203,19 +198,25 @@ def _load(
     )
 
 
-def _updated(what: str, time: Array, x: Array) -> tuple[Array, Mask, tuple[Finding, ...]]:
-    # A channel of a lower rate than the rows': drawn straight between its own values, which alone
-    # train and judge. A deflection may have turned between two.
-    rows, stale = held_rows(x), np.diff(x, prepend=np.nan) == 0
-    if rows == 1:
-        return x, np.zeros(len(x), dtype=bool), ()
-    rate_Hz = 1 / float(np.median(np.diff(time)))
-    text = (
-        f"the {what} has a new value in every {rows}. row only ({rate_Hz / rows:.3g} Hz, the rows "
-        f"{rate_Hz:.3g} Hz): the rows between are interpolated and neither train nor judge; record "
-        "it at the rows' rate"
-    )
-    return bridged(x, stale), stale, (Finding(f"{what} held", text, what == "deflection"),)
+def _updated(
+    time: Array, theta: Array, tau: Array
+) -> tuple[Array, Array, Array, Mask, tuple[Finding, ...]]:
+    # A channel of a lower rate than the rows': drawn straight between its own values, the torque's
+    # if both are, which alone train and judge. A deflection may have turned between two.
+    channels, findings, end = {"deflection": theta, "torque": tau}, [], len(time)
+    stale, rate_Hz = np.zeros(len(time), dtype=bool), 1 / float(np.median(np.diff(time)))
+    for what, x in channels.items():
+        if (rows := held_rows(x)) > 1:
+            stale = np.diff(x, prepend=np.nan) == 0
+            channels[what], end = bridged(x, stale), min(end, 1 + int(np.flatnonzero(~stale)[-1]))
+            text = (
+                f"the {what} has a new value in every {rows}. row only ({rate_Hz / rows:.3g} Hz, "
+                f"the rows {rate_Hz:.3g} Hz): the rows between are interpolated and neither train "
+                "nor judge; record it at the rows' rate"
+            )
+            findings.append(Finding(f"{what} held", text, what == "deflection"))
+    theta, tau = channels.values()
+    return time[:end], theta[:end], tau[:end], stale[:end], tuple(findings)
 
 
 def _without_lag(
