@@ -250,21 +250,18 @@ def reliability(
     json_file: options.JsonOption = None,
 ) -> None:
     """Agreement of specimens: ICC(2,1), ICC(3,1), limits of agreement; a joint fit."""
-    if table.suffix == ".toml":
-        from esea_gen.identify.reliability import joint_fit
+    from esea_gen.identify import reliability as specimens
 
+    if table.suffix == ".toml":
         with progress_share() as tell:
-            joint = joint_fit(table, data, tell)
+            joint = specimens.joint_fit(table, data, tell)
         show(joint, json_file, "reliability")
         return
     if data is not None:
         raise UserError("--data goes with a mapping file (.toml).", "Leave it out.")
-    from esea_gen.identify.reliability import read_specimens
-    from esea_gen.identify.reliability import reliability as judged
-
-    read, torques = read_specimens(table)
+    read, torques = specimens.read_specimens(table)
     out.print(read.report())
-    show(judged(torques), json_file, "reliability", simulated=read.simulated)
+    show(specimens.reliability(torques), json_file, "reliability", simulated=read.simulated)
 
 
 @app.command()
@@ -352,14 +349,11 @@ def torque_check(
         read = read_recording(recording)
         out.print(read.read_as)
         apply_recording(check, read)
-    elif check is None or not check.measurements:
-        out.lines(instructions(loaded, check))
-        if check is not None:
-            write_json(json_file, "torque-check", check.to_dict())
-        return
-    out.lines(check.report())
-    write_json(json_file, "torque-check", check.to_dict())
-    exit_unless(check.verdict == "pass")
+    begun = check is not None and bool(check.measurements)
+    out.lines(check.report() if check and begun else instructions(loaded, check))
+    if check is not None:
+        write_json(json_file, "torque-check", check.to_dict())
+        exit_unless(not begun or check.verdict == "pass")
 
 
 @app.command()

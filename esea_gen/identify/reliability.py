@@ -73,26 +73,22 @@ class Reliability:
         return asdict(self) | {"published": PUBLISHED}
 
     def table(self) -> list[str]:
-        lines = [f"{len(self.specimens)} specimens at {self.rows} conditions"]
-        for name, c in (
-            ("ICC(2,1), absolute agreement", self.absolute),
-            ("ICC(3,1), consistency", self.consistent),
-        ):
-            lines.append(f"{name:30} {c.value:.4f}, 95 % {c.low:.4f} to {c.high:.4f}")
-        lines.append("limits of agreement, Nm (each limit +- its 95 % error)")
-        for a in self.agreements:
-            lines.append(
+        both = (("2,1), absolute agreement", self.absolute), ("3,1), consistency", self.consistent))
+        return [
+            f"{len(self.specimens)} specimens at {self.rows} conditions",
+            *(f"{f'ICC({n}':30} {c.value:.4f}, 95 % {c.low:.4f} to {c.high:.4f}" for n, c in both),
+            "limits of agreement, Nm (each limit +- its 95 % error)",
+            *(
                 f"{a.first + ' - ' + a.second:30} {a.bias_Nm:+.4f}, {a.low_Nm:+.4f} to "
                 f"{a.high_Nm:+.4f} (+-{a.limit_error_Nm:.4f})"
-            )
-        lines.append("each against the mean of the others, RMS in % of the largest torque")
-        lines += [f"{name:30} {x:.2f}" for name, x in self.apart_pct.items()]
-        lines += [
+                for a in self.agreements
+            ),
+            "each against the mean of the others, RMS in % of the largest torque",
+            *(f"{name:30} {x:.2f}" for name, x in self.apart_pct.items()),
             PUBLISHED,
             "The intervals take conditions for independent: samples of one loop are not. Give one "
             "row a condition, not a whole recording.",
         ]
-        return lines
 
 
 def mean_squares(table: Array) -> tuple[float, float, float]:

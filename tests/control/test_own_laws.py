@@ -188,8 +188,7 @@ def test_a_fault_and_a_repaired_state_are_reported(own):
 
     limit = '[safety]\ntau_max_Nm = { value = 1.0, status = "assumed", source = "test" }\n'
     own.write_text(OWN + limit)
-    law = own.parent / "laws" / "mine.py"
-    law.write_text(BESIDE.replace("-2 * tau_Nm, 2 * tau_Nm", "-0.01, 0.01"))
+    (law := own.parent / "laws" / "mine.py").write_text(BESIDE.replace("2 * tau_Nm", "0.01"))
     trust([read_code(law).sha256])
     done = CliRunner().invoke(app, ["simulate", "tuning", "--controller", str(own)])
     assert done.exit_code == 1

@@ -326,8 +326,8 @@ def test_a_coupling_can_move_to_the_axis_of_another(monkeypatch):
         asked = [word for s in serials for word in ("--coupling", s)]
         assert not CliRunner().invoke(app, ["life", "sim:wrist", *asked]).exception
     assert [x.serial for x in coupling_lives(stand_in.session)] == [12, 13, 11]
-    twice = CliRunner().invoke(app, ["life", "sim:wrist", *["--coupling", "14"] * 2]).exception
-    assert "2 serial numbers for 2 couplings: 14, 14." in twice.what
+    twice = CliRunner().invoke(app, ["life", "sim:wrist", *["--coupling", "14"] * 2])
+    assert "2 serial numbers for 2 couplings: 14, 14." in str(twice.exception)
     assert [x.serial for x in coupling_lives(stand_in.session)] == [12, 13, 11]
     error = CliRunner().invoke(app, ["life", "sim:wrist", "--forget", "12"]).exception
     assert "another number first" in error.fix

@@ -272,8 +272,8 @@ def test_what_depends_on_a_bound_is_told(k3, end):
     theta = 0.2 * np.sin(np.arange(SAMPLES) * 2 * np.pi / 200)
     noise = np.random.default_rng(3).normal(0, 0.02, SAMPLES)
     plant = Cubic(theta, Cubic(theta, theta).basis @ [30.0, k3] + noise, 20)
-    rest = plant.measured - end * theta**3
-    told = uncertainty(plant, {"k1_Nm_rad": theta @ rest / (theta @ theta), "k3_Nm_rad3": end})
+    k1 = theta @ (plant.measured - end * theta**3) / (theta @ theta)
+    told = uncertainty(plant, {"k1_Nm_rad": k1, "k3_Nm_rad3": end})
     expected = (end - k3) * 0.75 * 0.2**2  # of a sine, the mean of x^4 over that of x^2
     assert told.moved == ({"k1_Nm_rad": pytest.approx(expected, rel=0.01)} if k3 else {})
 

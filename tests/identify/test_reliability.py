@@ -88,7 +88,6 @@ def test_specimens_of_a_table_and_the_command(tmp_path):
     assert "ICC(2,1)" in done.output
     assert "2.93" in done.output  # chapter 3's beside it
     found, own = json.loads(out.read_text()), reliability(table)
-    assert not found["simulated"]
     assert found["absolute"]["value"] == pytest.approx(own.absolute.value, rel=1e-9)
     assert max(own.apart_pct, key=own.apart_pct.__getitem__) == "odd"
     assert len(own.agreements) == 3

@@ -214,8 +214,3 @@ def test_passivity_refuses(arguments, words):
 def test_a_hand_that_is_not_passive_is_refused():
     with pytest.raises(UserError, match="0 or more"):
         run_push(0.0, 0.0, {"name": "x", "damping_Nms_rad": -1.0}, "smc", "ideal", 0.5, 0)
-
-
-def test_hands_grow_with_the_devices_torque():
-    assert [h.scaled(1.0) for h in HANDS] == list(HANDS)
-    assert HANDS[-1].scaled(2.0) == Hand("J 0.8, B 1, K 2000", 0.8, 1.0, 2000.0)

@@ -313,13 +313,12 @@ def packed_mat(**content) -> bytes:
 
 def test_a_channel_of_a_lower_rate_is_reported(tmp_path):
     """At a third of the rows' rate; no channel that is quantised, at rest, or moved in steps."""
-    t, path = np.arange(3000) / 200, tmp_path / "t.csv"
-    x = np.sin(t)
-    steps = np.repeat(np.random.default_rng(1).normal(size=20), 150)
+    t = np.arange(3000) / 200
+    x, steps = np.sin(t), np.repeat(np.random.default_rng(1).normal(size=20), 150)
     others = np.round(x, 1), np.round(x, 3), np.round(np.abs(t % 4 - 2), 2), 0 * t, steps
-    rows = [",".join(map(str, row)) for row in zip(np.repeat(x[::3], 3), *others, strict=True)]
-    path.write_text("\n".join(["a,b,c,d,e,f", *rows]))
-    table = read_table(path)
+    columns = zip("abcdef", (np.repeat(x[::3], 3), *others), strict=True)
+    raw = json.dumps({name: values.tolist() for name, values in columns}).encode()
+    table = read_table(tmp_path / "t.json", raw=raw)
     for name in table.names:
         table.numbers(name)
     assert table.held == {"a": 3}

@@ -210,6 +210,7 @@ def test_the_rendered_wrist_is_passive(tmp_path):
     for axis in ("flexion", "deviation"):
         for hand in (*WRIST_HANDS[:3], WRIST_HANDS[-1]):
             assert passive("wrist_drive", axis, hand), (axis, hand)
+    assert WRIST_HANDS[-1].scaled(2.0).stiffness_Nm_rad == 120.0
     for hand in (WRIST_HANDS[2], WRIST_HANDS[4]):
         assert passive("wrist_drive", "deviation", hand, "random", 204), hand
     text = SHIPPED.with_name("wrist_drive.toml").read_text(encoding="utf-8")
