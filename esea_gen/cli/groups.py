@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from importlib import import_module
+from itertools import permutations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, get_args, get_type_hints
@@ -125,18 +127,26 @@ def _with_checks(command: Any) -> Any:
     return command
 
 
+# How results begin: in a folder that is read, only pages, tables, pictures may be written again.
+RESULTS = b"<!DOCTYPE", b'{\n  "schema', b"table,part", b"<?xml", b"\x89PNG", b"%PDF", b"SQLite"
+
+
 def _apart(command: Any, then: Callable[..., Any], ctx: Any) -> Any:
-    # No result takes the place of a file that another word of the command names.
-    named: dict[str, Any] = {}
+    # No result takes the place of a file that another word of the command names, or has in it.
+    named: list[tuple[Any, Path, Any, bool]] = []
     for param in command.params:
-        given = ctx.params.get(param.name)
+        given, writes = ctx.params.get(param.name), hasattr(param.callback, "writes")
         for x in given if isinstance(given, list | tuple) else [given]:
-            if isinstance(x, Path) or (isinstance(x, str) and os.path.isfile(x)):
-                both = named.setdefault(os.path.realpath(x), param), param
-                writes = [getattr(p.callback, "__name__", "").startswith("writ") for p in both]
-                if both[0] is not param and any(writes):
-                    said = " and ".join(p.opts[0] for p in both)
-                    raise UserError(f"{x} is named twice: {said}.", "Give another file to write.")
+            for w in [x, *re.split("[:,?]", x)] if isinstance(x, str) else [x]:
+                if isinstance(w, Path) or (isinstance(w, str) and os.path.isfile(w)):
+                    named.append((w, Path(os.path.realpath(w)), param, writes))
+    for (x, path, param, writes), (_, other, source, also) in permutations(named, 2):
+        inside = other in path.parents and not also and path.is_file()
+        lost = inside and not path.read_bytes().startswith(RESULTS)
+        if writes and source is not param and (path == other or lost):
+            said = "is read" if lost else "is named twice"
+            said += f": {source.opts[0]} and {param.opts[0]}"
+            raise UserError(f"{x} {said}.", "Give another file to write.")
     return then(ctx)
 
 

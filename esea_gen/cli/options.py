@@ -193,6 +193,8 @@ def writable_picture(figure: Path | None) -> Path | None:
     return picture_file(figure, *PICTURES)
 
 
+for _check in (writable, folder_to_be, writable_picture):
+    vars(_check)["writes"] = True  # never a file that the command reads: see groups
 FigureOption = Annotated[
     Path | None,
     option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=writable_picture),

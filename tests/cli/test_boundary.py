@@ -224,6 +224,18 @@ def test_every_number_of_every_command_is_plain(command, program):
             assert (code, name in said) == (2, True), (words, given, said)
 
 
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_every_file_to_write_is_known_as_one(program):
+    known = {}
+    for words, one in leaves(program):
+        for name, hint in get_type_hints(one.callback).items():
+            p = next(p for p in one.params if p.name == name) if "Path" in str(hint) else None
+            if p and p.metavar != "DIR" and re.match("Also|Picture|Save|The page|Write", p.help):
+                known[*words, name] = hasattr(p.callback, "writes")
+    assert [o for o in known if not known[o]] == []
+    assert len(known) > 20
+
+
 # What is no file among what a command needs.
 NEEDED = {"code": "P01", "trial": 1, "--mass": 1, "--arm": 1, "--full-Nm": 1, "--column": "x"}
 

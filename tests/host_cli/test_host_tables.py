@@ -175,6 +175,8 @@ def test_smoothness_chooses_asks_and_resamples(run, tmp_path):
     late = t + rng.uniform(0, 0.3, 240) / 60
     with pytest.raises(UserError, match=r"o\.json is named twice: file and --json"):
         run(["smoothness", "./o.json"], "")
+    with pytest.raises(UserError, match=r"interaction\.toml is read: folder and --report"):
+        run(["analyse", "interaction", ".", "--report", "./interaction.toml"], "")
     with pytest.raises(UserError, match=r"--resample 60.* interpolates"):
         measured(run, tmp_path, "t,theta_deg", late, reach(late))
     more = ("--resample", "60")

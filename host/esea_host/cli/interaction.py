@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from esea_gen.cli.groups import WholeSentences
-from esea_gen.cli.options import FigureOption, option
+from esea_gen.cli.options import FigureOption, option, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_json, write_whole, written_whole
 from esea_gen.tables import MARK, read_table
@@ -132,7 +132,7 @@ def survey(file: FileArgument, json_file: JsonOption = None, figure: FigureOptio
 @study_app.command("survey")
 def survey_page(
     folder: FolderArgument,
-    to: Annotated[Path, typer.Argument(metavar="OUT.html", help="The page.")],
+    to: Annotated[Path, typer.Argument(metavar="OUT.html", callback=writable, help="The page.")],
     language: Annotated[str, option("--language", "en, de, or one that the study brings.")] = "",
 ) -> None:
     """Write the questions at the end of the interaction study as a page to print."""

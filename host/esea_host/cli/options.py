@@ -19,6 +19,7 @@ def output_file(flag: str, words: str, *endings: str) -> Any:
     def writable_file(file: Path | None) -> Path | None:
         return picture_file(file, *endings)
 
+    vars(writable_file)["writes"] = True
     return typer.Option(flag, metavar="FILE", callback=writable_file, help=words)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from esea_gen.cli.options import option
+from esea_gen.cli.options import option, writable
 from esea_gen.errors import UserError
 from esea_gen.files import write_whole
 from esea_host.cli.app import out, say, say_left_out
@@ -152,7 +152,7 @@ def status(folder: FolderArgument) -> None:
 @study_app.command("report")
 def report(
     folder: FolderArgument,
-    to: Annotated[Path, typer.Argument(metavar="FILE.html", help="The page.")],
+    to: Annotated[Path, typer.Argument(metavar="FILE.html", callback=writable, help="The page.")],
 ) -> None:
     """Write a one-page report: participants, sessions, deviations, adverse events, logs."""
     from esea_host.study.report import study_page
