@@ -42,7 +42,7 @@ from esea_host.assess.patients import (
 )
 from esea_host.assess.probing import Comfort, probing_movement
 from esea_host.assess.responses import LegRecording, Location, along, passage
-from esea_host.assess.session import Assessment, assessed_hypotheses, trail_is_whole
+from esea_host.assess.session import Assessment, assessed_hypotheses
 from esea_host.assess.simulated import knee_sensor, swept
 from esea_host.assess.validation import against_elbow, knee_stiffness, pendulum_table, ramp_torque
 from esea_host.cli.app import app
@@ -632,7 +632,6 @@ def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
     saved = json.loads(file.read_text())
     assert saved["simulated"] is True
     assert saved["database"]["digest"] == ResponseDataBase.load(base).digest
-    assert trail_is_whole(saved["trail"])
     wrong = CliRunner().invoke(app, ["assess", "run", "--patient", "S3"], input="")
     assert "simulated:S3" in str(wrong.exception)
     without = CliRunner().invoke(app, ["assess", "run", "--database", str(base)], input="move\n")

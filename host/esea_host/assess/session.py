@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -150,7 +150,8 @@ class Assessment:
         before = self.trail[-1].digest if self.trail else ""
         said = {k: round(v, 6) for k, v in self.by_name().items()}
         time = self._clock()
-        digest = _chained(before, time, what, details, said)
+        body = json.dumps([before, time, what, dict(details), said], sort_keys=True)
+        digest = hashlib.sha256(body.encode()).hexdigest()
         self.trail.append(AuditEntry(len(self.trail), time, what, dict(details), said, digest))
 
     def _settle(self) -> None:
@@ -323,21 +324,3 @@ def take(
         return True
     session.missed(wanted)
     return False
-
-
-def _chained(
-    before: str, time: str, what: str, details: Mapping[str, Any], said: Mapping[str, float]
-) -> str:
-    body = json.dumps([before, time, what, dict(details), said], sort_keys=True)
-    return hashlib.sha256(body.encode()).hexdigest()
-
-
-def trail_is_whole(trail: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether no entry of a saved trail was changed, dropped from within, or moved."""
-    before = ""
-    for entry in trail:
-        said = dict(entry["probabilities"])
-        before = _chained(before, entry["time"], entry["what"], entry["details"], said)
-        if before != entry["digest"]:
-            return False
-    return True
