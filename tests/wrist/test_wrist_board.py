@@ -111,9 +111,11 @@ def test_conditions_are_confirmed_and_logged_with_their_tick(begun):
     }
 
 
-def test_after_a_loss_of_power_the_trial_fails_and_the_session_goes_on(begun):
+def test_after_a_loss_of_power_nothing_is_armed_until_the_session_is_resumed(begun):
     session, source = begun(NEUTRAL % HEALTHY, RANGE % ("FE", CONSTRAINED), NEUTRAL % CONSTRAINED)
-    assert session.run(show=at_step(150, source.board.restart)) == ""
+    why = session.run(show=at_step(150, source.board.restart))
+    assert ("not armed" in why, source.device.state()) == (True, "UNREFERENCED")
+    assert session.run() == ""
     states = [session.state.states[n] for n in (1, 2, 3)]
     assert states == [COMPLETED, FAILED, COMPLETED], session.state.reasons
     assert "not armed" in session.state.reasons[2]
@@ -138,7 +140,7 @@ def test_an_impairment_that_is_not_confirmed_begins_nothing(begun, monkeypatch):
 def test_a_fault_of_one_axis_ends_the_trial_and_the_session_says_which(begun):
     session, source = begun(NEUTRAL % HEALTHY, NEUTRAL % HEALTHY)
     spoil = partial(source.board.board.drivers.__setitem__, 1, 1.0)  # frames of an encoder
-    assert "Rest the joint" in session.run(show=at_step(50, spoil))  # cleared; does not arm
+    assert "Correct the cause" in session.run(show=at_step(50, spoil))
     assert session.state.states[1] == FAILED
     assert "the board is in FAULT: " in session.state.reasons[1]
     assert len(session.state.remaining) == 1
@@ -165,7 +167,7 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
 
 
 @pytest.mark.ci
-def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_machine):
+def test_a_pulled_cable_fails_the_trial_and_the_session_can_be_resumed(tmp_path, busy_machine):
     """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
     require_tool("gcc")
     study = study_of(tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2))
@@ -179,7 +181,8 @@ def test_a_pulled_cable_fails_the_trial_and_the_session_goes_on(tmp_path, busy_m
             session = study.session("P01", 0, source)
             zero = device.zero  # within it the cable is pulled for the first time
             device.zero = lambda: [setattr(device, "zero", zero), cable.pull(), zero()]
-            assert session.run(show=at_step(20, cable.pull)) == ""
+            assert "Check cable and power" in session.run(show=at_step(20, cable.pull))
+            assert session.run() == ""
             reasons = session.state.reasons
             assert [session.state.states[n] for n in (1, 2)] == [FAILED, COMPLETED], reasons
             assert "Check cable and power" in reasons[1]

@@ -427,7 +427,7 @@ class BoardSource(InputSource):
             fix = ""
         if what.endswith(fix):  # the error says it itself
             fix = ""
-        self._broken = what
+        self._broken = f"{what} {fix}".strip()
         raise UserError(what, fix) from None
 
     def status(self) -> str:

@@ -333,10 +333,11 @@ class Conductor(SessionWatcher):
             self._wait(self.rest_until_s)
         rest(seconds)
 
-    def breaks(self, words: str) -> None:
+    def breaks(self, words: str, drive: bool) -> str:
         """Wait for the operator."""
         self.advice, self.phase = (words,), HELD
         self.between()
+        return ""
 
     def begins(self, trial: PlannedTrial) -> None:
         self.trial, self.trial_s, self.advice = trial, 0.0, ()

@@ -222,8 +222,8 @@ class StudySession:
             if not todo:
                 return ""
             if broken := self.source.broken():
-                watcher.breaks(broken)
-                if why := watcher.turn() or self._make_ready():
+                why = watcher.breaks(broken, self.source.drive) or watcher.turn()
+                if why := why or self._make_ready():
                     return why
                 continue
             trial = todo[0]

@@ -55,8 +55,9 @@ class SessionWatcher:
     def waits(self, words: str) -> None:
         """Report what the session waits for, and the action to take; empty: no longer."""
 
-    def breaks(self, words: str) -> None:
-        """The source was lost; it is made ready again, and its motor armed, after this."""
+    def breaks(self, words: str, drive: bool) -> str:
+        """Why the session ends as the source was lost; else it is made ready again, and armed."""
+        return words if drive else ""  # nobody can be asked before a motor moves a person
 
     def rests(self, seconds: float, rest: Callable[[float], None]) -> None:
         """A rest: called to pass the time of the source."""
@@ -86,7 +87,7 @@ class InputSource(ABC):
     ask: Callable[[], str] = staticmethod(lambda: "")
     waits: Callable[[str], None] = staticmethod(lambda _: None)
     say: Callable[..., None] = staticmethod(lambda *_, **__: None)
-    paused: bool = False
+    paused = drive = False  # drive: its motor is armed when it is made ready
 
     @property
     @abstractmethod
