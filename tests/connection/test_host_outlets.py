@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 import types
 
@@ -212,12 +213,12 @@ def test_lsl_gets_numbers_by_name_with_the_boards_time(monkeypatch):
         local_clock=iter([10.0, 10.5, 21.0, 32.0]).__next__,
     )
     monkeypatch.setitem(sys.modules, "pylsl", library)
-    outlet = LslOutlet("elbow_drive", {"sense_out": 1000.0}, simulated=True)
+    outlet = LslOutlet("elbow_drive", "serial:COM3", {"sense_out": 1000.0}, simulated=True)
     outlet.put(batch(100))
     outlet.put(batch(103))
-    assert infos == [
-        ("elbow_drive sense_out", "Mocap", 1, 1000.0, "double64", "elbow_drive sense_out")
-    ]
+    (*about, source), *_ = infos
+    assert about == ["elbow_drive sense_out", "Mocap", 1, 1000.0, "double64"]
+    assert source == f"elbow_drive sense_out of serial:COM3 at {platform.node()}"  # of two boards
     assert labels == [("simulated", "1"), ("label", "tau_Nm"), ("unit", "Nm")]
     assert [r for r, _ in pushed] == [[50.0], [50.5], [51.0], [51.5], [52.0], [52.5]]
     # The second batch came late: the first one's arrival counts, and steps are the board's.

@@ -222,7 +222,8 @@ def bridge(
         if foxglove is not None:
             outlets.append(FoxgloveOutlet(foxglove, board.simulated))
         if lsl:
-            outlets.append(LslOutlet(board.identity.device.name, board.rates_Hz, board.simulated))
+            name = board.identity.device.name
+            outlets.append(LslOutlet(name, address, board.rates_Hz, board.simulated))
         queue = board.subscribe(told)
         for outlet in outlets:
             out.print(outlet.said)
