@@ -113,6 +113,7 @@ def test_bids_motion_by_its_specification(demo, tmp_path):
             to_bids(log, tmp_path, "0_7", "torque")
         with pytest.raises(UserError, match="already exists"):
             to_bids(log, tmp_path, "07", "torque")
+        assert "elbowdrivecontrolout" in to_bids(log, tmp_path, "07", "torque", "control_out").name
     assert path == tmp_path / "sub-07/motion/sub-07_task-torque_tracksys-elbowdrive_motion.tsv"
     rows = [line.split("\t") for line in path.read_text().splitlines()]
     channels = (path.parent / f"{path.name.removesuffix('motion.tsv')}channels.tsv").read_text()

@@ -128,7 +128,8 @@ def to_bids(log: Log, folder: Path, subject: str, task: str, stream: str = "sens
     table = longest(whole)
     if left_out := len(whole) - len(table):
         print(f"{folder}: {left_out} rows of other runs of the board left out", file=sys.stderr)
-    track = "".join(_LABEL.findall(str(log.facts.get("device", "device"))))
+    beside = "" if stream == log.first_output else stream  # another axis: a system of its own
+    track = "".join(_LABEL.findall(f"{log.facts.get('device', 'device')}{beside}"))
     stem = f"sub-{subject}_task-{task}_tracksys-{track}"
     place = folder / f"sub-{subject}" / "motion"
     names = [place / f"{stem}_{end}" for end in ("motion.tsv", "channels.tsv", "motion.json")]
