@@ -74,11 +74,12 @@ def replace(source: Path, target: Path) -> None:
 
 def rename_new(source: Path, target: Path) -> None:
     """Rename a file; FileExistsError, and nothing changed, where the new name is taken."""
-    if sys.platform == "win32":
-        os.rename(source, target)
-    else:
-        os.link(source, target)
-        source.unlink()
+    os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+    try:
+        os.replace(source, target)
+    except OSError:
+        target.unlink()
+        raise
 
 
 def sync_folder(folder: Path) -> None:

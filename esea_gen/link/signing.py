@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -68,6 +69,8 @@ def write_key(path: Path, key: bytes) -> None:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
+                if any(others_rights(os.fstat(file.fileno()))):  # as FAT has it: refused later
+                    raise PermissionError(errno.EPERM, "its folder cannot keep it from others")
             rename_new(scratch, path)
         finally:
             scratch.unlink(missing_ok=True)

@@ -122,14 +122,19 @@ def test_a_link_that_breaks_is_signed_again(address, tmp_path):
         assert device.session.traffic().paired
 
 
-def test_a_key_is_written_whole_and_over_nothing(tmp_path):
+def test_a_key_is_written_whole_and_over_nothing(tmp_path, monkeypatch):
     path = tmp_path / "key"
+    monkeypatch.delattr("os.link")  # no FAT has it
     write_key(path, bytes(range(32)))
     assert read_key(path) == bytes(range(32))
     with pytest.raises(LinkError, match="exists already"):
         write_key(path, new_key())
     with pytest.raises(LinkError, match="cannot be written"):
         write_key(path / "below", new_key())
+    monkeypatch.setattr("esea_gen.link.signing.others_rights", lambda _: (0, 0o55))
+    with pytest.raises(LinkError, match="cannot keep it from others"):
+        write_key(tmp_path / "other", new_key())
+    monkeypatch.undo()
     assert os.listdir(tmp_path) == ["key"]
     assert read_key(path) == bytes(range(32))
 
