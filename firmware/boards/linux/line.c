@@ -147,10 +147,9 @@ static void hang_up(line_t *line)
         line->in = line->out = -1;
 }
 
-/* Whether the host has gone: what it said last is still to be read. */
-static bool leaves(const line_t *line)
+static bool has(int of, short event)
 {
-    struct pollfd file = { line->in, POLLRDHUP, 0 };
+    struct pollfd file = { of, event, 0 };
 
     return poll(&file, 1u, 0) > 0;
 }
@@ -164,7 +163,8 @@ int line_accept(line_t *line)
     char host[INET_ADDRSTRLEN] = "";
     int made;
 
-    if (line->listener < 0 || (line->in >= 0 && leaves(line)))
+    /* In this order: who is seen only after the host has left is the next host, once its last word has been read. */
+    if (line->listener < 0 || (line->in >= 0 && (!has(line->listener, POLLIN) || has(line->in, POLLRDHUP))))
         return -1;
     made = accept4(line->listener, (struct sockaddr *)&from, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (made < 0 || line->in >= 0)

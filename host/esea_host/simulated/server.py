@@ -8,6 +8,7 @@ import math
 import os
 import queue
 import secrets
+import select
 import socket
 import threading
 import time
@@ -65,20 +66,17 @@ class _Guests:
     def __init__(self, drive: SimulatedBoard, listener: socket.socket) -> None:
         self._drive, self._listener = drive, listener
         self._here: dict[int, tuple[_Socket, float, int]] = {}
-        # Came after the host had gone: the next host.
-        self.next: tuple[socket.socket, tuple[str, int]] | None = None
 
     def attend(self, host: _Socket, commander: str) -> None:
         for _ in range(self._drive.board.guests):
             try:
-                self._listener.setblocking(False)
-                came = None if self.next or host.leaves() else self._listener.accept()
-            except OSError:
+                # In this order: who is seen only after the host has left is the next host.
+                if not select.select([self._listener], [], [], 0.0)[0] or host.leaves():
+                    break
+                came, _ = self._listener.accept()
+            except (OSError, ValueError):  # the listener was closed
                 break
-            if came is None or host.leaves():
-                self.next = self.next or came
-                break
-            self._admit(_Socket(came[0]), commander)
+            self._admit(_Socket(came), commander)
         for place in list(self._here):
             self._hear(place)
 
@@ -245,8 +243,7 @@ def serve_hosts(
     while True:
         try:
             listener.settimeout(0.01)
-            came, guests.next = guests.next or listener.accept(), None
-            link, (host, port) = came
+            link, (host, port) = listener.accept()
         except OSError as error:
             if not isinstance(error, TimeoutError):
                 return  # the listener was closed
