@@ -74,6 +74,7 @@ def test_a_bids_data_set_by_its_specification(study, out):
         assert table.trial.tolist() == list(range(1, 13))
         assert all((out / name).parent.joinpath(f).exists() for f in table.filename)
         assert table.held.dtype == bool
+        assert set(table.hold_s) == {0.3, 0.5}  # which no row of the task has
         said = json.loads((out / name).with_suffix(".json").read_text())
         assert set(said) | {"filename"} == set(table)
         assert said["held"]["Description"] == "whether it was held long enough"

@@ -45,6 +45,7 @@ _MEANINGS = {
     "familiarisation": "whether it is not meant for analysis",
     "simulated": "whether no real person, or no real device, was behind it",
 }
+SET = "parameter of the trial, from the protocol"
 TRACKED = "device"
 LOST = "its end is lost"
 NOBODY = "SIMULATED: no person took part."
@@ -86,7 +87,7 @@ def _traces(entries: Sequence[LoggedEvent]) -> list[TrialTrace]:
         elif e.kind == "event":
             now.events.append((0.0 + e.data["at_s"], str(e.data["name"])))
         elif e.kind == "trial_end" and e.data["state"] == COMPLETED:
-            now.row = e.data["row"]
+            now.row = now.trial.parameters | e.data["row"]
             found[e.data["trial"]] = now
         elif e.kind == "repeat":
             found.pop(e.data["trial"], None)
@@ -112,7 +113,7 @@ def veil(study: StudyFolder, labels: bool = False) -> Callable[[Row], dict[str, 
     def veiled(row: Row) -> dict[str, Any]:
         if not group_decides(file, row["session"], row["block"]):
             return {**row}
-        shown = {k: None if k in decided else v for k, v in row.items()}
+        shown = {k: v for k, v in row.items() if k not in decided}
         return {**shown, "condition": names.get(row["condition"], LEFT_OUT)}
 
     return veiled
@@ -328,7 +329,7 @@ def _scans(
     kinds = {t.trial.task: task_named(t.trial.task, "log").columns for t in done}
     own = {c.name: c.meaning for columns_ in kinds.values() for c in columns_}
     known = own | _MEANINGS
-    _json(path.with_suffix(".json"), {k: {"Description": known[k]} for k in columns})
+    _json(path.with_suffix(".json"), {k: {"Description": known.get(k, SET)} for k in columns})
 
 
 def write_tsv(path: Path, lines: Sequence[Sequence[Any]]) -> None:

@@ -302,18 +302,22 @@ class StudyFolder:
             warnings.warn(f"{error.what} Its session is left out.", stacklevel=2)
 
     def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
-        """Rows of a participant's completed trials, in order; of sessions ``before`` one only."""
+        """Rows of a participant's completed trials, with what the protocol sets, in order.
+
+        before: of earlier sessions than this one only.
+        """
         found: list[Row] = []
         for _, session, path in self.sessions(code):
             if before is None or session < before:
                 try:
-                    past = self.read(code, session, path).past
+                    state = self.read(code, session, path)
                 except UserError as error:
                     if strict:
                         raise
                     self.leave_out(path, error)
                     continue
-                found += [{**row, "participant": code} for row in past]
+                given = {t.number: t.parameters for t in state.plan.trials}
+                found += [{**given[r["trial"]], **r, "participant": code} for r in state.past]
         return tuple(found)
 
     def session(
