@@ -28,7 +28,7 @@ def firmware(
     ] = None,
     cycles: Annotated[
         float | None,
-        option("--cycles", "For a drive: cycles per instruction; default: 1.5 (assumed)."),
+        option("--cycles", "For a drive: cycles per instruction; default: 1.5 (assumed).", min=0.1),
     ] = None,
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,

@@ -367,7 +367,7 @@ def friction(
         ),
     ],
     full: Annotated[
-        float | None, option("--full-Nm", "Torque of 100 % in an export.", min=1e-9)
+        float | None, option("--full-Nm", "Torque of 100 % in an export.", min=1e-9, max=1e9)
     ] = None,
     device: Annotated[
         str | None, option("--device", "Drive that was measured, for its gear ratio.")
@@ -418,7 +418,7 @@ def encoder_table(
     side: Annotated[str, option("--side motor|load", "Joint encoder that was recorded.")] = "motor",
     nodes: Annotated[int, option("--values", "Number of values in the table.")] = 32,
     orientation: Annotated[
-        float, option("--orientation-rad", "Angle at which the encoder is mounted.")
+        float, option("--orientation-rad", "Angle of the mounted encoder.", min=-7, max=7)
     ] = 0.0,
     folder: Annotated[
         Path | None, option("--out DIR", "Write the device file with the table.")
