@@ -53,8 +53,12 @@ DESIGNED = (
 )
 
 
-def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]) -> None:
+def tell_of_gains(
+    origin: str, device: Document, shipped: Mapping[str, Document], controllers: Sequence[str]
+) -> None:
     """Warn of gains that were designed for other numbers than the device's."""
+    name = origin.removesuffix(".toml") if origin.removesuffix(".toml") in shipped else origin
+    name = f"{','.join(controllers)}@{name}" if controllers else name  # as commands take it
     laws = device.get("laws", LAW_SECTIONS)  # one of a file may use any section
     idle = () if ".py:" in str(laws) else LAW_SECTIONS.keys() - set(laws)
     for group in (g for g in DESIGNED if g.section not in idle):
@@ -71,8 +75,8 @@ def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document]
                 nearest = min(others, key=lambda k: len(others[k]))
                 told.setdefault((nearest, others[nearest]), []).append(gain)
         for (base, numbers), gains in told.items():
-            said = _said(origin, device, (base, shipped[base]), group, gains, numbers)
-            warnings.warn(said, stacklevel=2)
+            said = _said(name, device, (base, shipped[base]), group, gains, numbers)
+            warnings.warn(f"{origin}: {said}", stacklevel=2)
 
 
 def suited_bandwidth_Hz(bits: float) -> float:
@@ -121,20 +125,20 @@ def _differs(device: Document, base: Document, dotted: str) -> bool:
 
 
 def _said(
-    origin: str,
+    name: str,
     device: Document,
     base: tuple[str, Document],
     group: Designed,
     gains: Sequence[str],
     numbers: Sequence[str],
 ) -> str:
-    name, document = base
+    other, document = base
     stated = ", ".join(f"{g} = {_number(device, f'{group.section}.{g}'):g}" for g in gains)
     others = ", ".join(
         f"{n} = {_number(document, n):g} (here {_number(device, n):g})" for n in numbers
     ).replace("nan", "none")
     if group.command:
-        fix = f"See what they give here: esea-gen {group.command} --controller {origin}"
+        fix = f"See what they give here: esea-gen {group.command} --controller {name}"
     elif group.section == "actuator":
         ratio = _number(device, RATIO) / _number(document, RATIO)
         same = {g: _number(device, f"actuator.{g}") * ratio ** REFLECTED[g] for g in gains}
@@ -147,7 +151,7 @@ def _said(
             f"{g} = {v:.4g}" for g, v in zip(OBSERVER_GAINS, scaled, strict=True)
         )
     return (
-        f"{origin}: {group.section}: {stated} are {name}'s, designed for {others}. {fix}. "
+        f"{group.section}: {stated} are {other}'s, designed for {others}. {fix}. "
         "To end this warning, give your value in the file, with its source."
     )
 

@@ -117,6 +117,8 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
     copied = copied.replace("value = 200.0", "value = 100.0", 1)
     assert set(told(copied)) == {"predictive", "passivity"}  # of the laws in force
     assert "elbow_mpc's" in told(copied)["predictive"]
+    with pytest.warns(UserWarning, match=r"--controller mpc@wrist_drive\. To"):
+        load_device("wrist_drive", "mpc")
 
 
 def test_a_bandwidth_of_another_encoder_is_told_of():

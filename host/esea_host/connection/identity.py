@@ -212,7 +212,8 @@ def check_hash(device: Device, told: str, board: str, tick_us: int) -> Identity:
 
 
 def _build(device: Device, board: str = "BOARD") -> str:
-    return f"esea-gen firmware {device.origin.removesuffix('.toml')} --board {board}"
+    name = device.name if device.shipped else device.given[0]
+    return f"esea-gen firmware {name} --board {board}"
 
 
 def _text(field: Any) -> str:
