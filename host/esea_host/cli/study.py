@@ -279,7 +279,8 @@ def audit(folder: FolderArgument) -> None:
         out.print(f"{name}: SHA-256 {digest}")
     problems = study.problems()
     if problems:
-        fix = "Restore these files from a copy; a broken log: esea-host study repair FOLDER."
+        fix = "Restore these files from a copy, or create a new study for a new protocol; "
+        fix += f"a broken log: esea-host study repair {folder}."
         raise UserError(f"{folder}: {'; '.join(problems)}.", fix)
     out.print("Every log is as it was written.")
 
