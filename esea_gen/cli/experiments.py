@@ -28,7 +28,7 @@ from esea_gen.cli.options import (
     JsonOption,
     chosen_formats,
     option,
-    writable,
+    output_file,
 )
 from esea_gen.cli.output import counted, exit_unless, progress_line, show
 from esea_gen.devices import BEST_CONTROLLER
@@ -113,9 +113,7 @@ def _whole_thesis(
             "--given FILE", "JSON of esea-host study virtual, or of assess evaluate; repeatable."
         ),
     ] = None,
-    page: Annotated[
-        Path | None, option("--page FILE", "Also write an HTML page.", callback=writable)
-    ] = None,
+    page: Annotated[Path | None, output_file("--page", "Also write an HTML page.")] = None,
     json_file: JsonOption = None,
     figure: FigureOption = None,
 ) -> None:
@@ -209,9 +207,7 @@ def simulate(
     jobs: options.JobsOption = -1,
     cluster: options.ClusterOption = None,
     resume: options.JournalOption = None,
-    csv_file: Annotated[
-        Path | None, option("--csv FILE", "Also write every run as CSV.", callback=writable)
-    ] = None,
+    csv_file: Annotated[Path | None, output_file("--csv", "Also write every run as CSV.")] = None,
     json_file: options.JsonOption = None,
     figure: options.FigureOption = None,
 ) -> None:

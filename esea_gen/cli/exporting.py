@@ -13,7 +13,7 @@ from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.groups import WholeSentences
 from esea_gen.cli.names import PEOPLE, PLANTS, complete_block
-from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, writable
+from esea_gen.cli.options import ControllerOption, DeviceArgument, SeedOption, option, output_file
 from esea_gen.cli.output import progress_line
 from esea_gen.errors import UserError, from_extra
 from esea_gen.files import write_whole
@@ -34,9 +34,7 @@ FolderOption = Annotated[
 @export.command("fmu")
 def export_fmu(
     device: DeviceArgument,
-    target: Annotated[
-        Path | None, option("--out FILE", "Output file; default: NAME.fmu.", callback=writable)
-    ] = None,
+    target: Annotated[Path | None, output_file("--out", "Output file; default: NAME.fmu.")] = None,
     block: Annotated[
         str | None,
         option(

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import esea_gen
+from esea_gen.cli import options
 from esea_gen.cli.app import app, out
 from esea_gen.cli.names import completing
-from esea_gen.cli.options import ControllerOption, DeviceArgument, chosen_formats, option
+from esea_gen.cli.options import DeviceArgument, chosen_formats, option, output_file
 from esea_gen.cli.output import progress_line
 from esea_gen.devices import BEST_DRIVE
 from esea_gen.errors import UserError, choose
@@ -53,7 +54,7 @@ def build(
     folder: Annotated[
         Path | None, option("--out DIR", "Output folder; default: generated/<device>.")
     ] = None,
-    controller: ControllerOption = None,
+    controller: options.ControllerOption = None,
 ) -> None:
     """Generate C for a device: one folder per number format and one for the MAVLink dialect."""
     from esea_gen.emit.build import device_hash, write_bundles
@@ -82,7 +83,7 @@ def check(
         list[str] | None, typer.Argument(help="Devices; default: all shipped.")
     ] = None,
     folder: Annotated[Path, option("--in DIR", "Folder that holds <device>/.")] = GENERATED,
-    controller: ControllerOption = None,
+    controller: options.ControllerOption = None,
 ) -> None:
     """Compare generated output on disk with what would be generated now; exit 1 when stale.
 
@@ -141,7 +142,7 @@ def new(
         list[str] | None,
         option("--motor", "With --short: a motor whose numbers are stored, such as moteus-c1."),
     ] = None,
-    target: Annotated[Path | None, option("--out FILE", "Output file; default: NAME.toml.")] = None,
+    target: Annotated[Path | None, output_file("--out", "Output file; default: NAME.toml.")] = None,
 ) -> None:
     """Write a device file to edit: a commented copy, or with --short a dozen numbers of a drive."""
     from esea_gen.device import copy_device
@@ -240,7 +241,7 @@ def schema(
         ),
     ] = None,
     listed: Annotated[bool, option("--list", "List the names of the results.")] = False,
-    target: Annotated[Path | None, option("--out FILE", "Output file; default: print.")] = None,
+    target: Annotated[Path | None, output_file("--out", "Output file; default: print.")] = None,
 ) -> None:
     """Print a JSON schema: of device files, for completion in editors, or of a result."""
     text = _schema_text() if result is None else result_schema(result)

@@ -12,7 +12,7 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import folder_to_be, option, writable
+from esea_gen.cli.options import folder_to_be, option, output_file
 from esea_gen.cli.output import exit_unless, picture, progress_line, progress_share, show
 from esea_gen.errors import UserError, choose
 from esea_gen.files import plain, read_json, refuse_copies, write_json, write_whole
@@ -35,19 +35,14 @@ SearchOption = Annotated[
 ]
 ResumeOption = Annotated[
     Path | None,
-    option(
-        "--resume FILE",
-        "Store the search in FILE; the same command continues from there.",
-        callback=writable,
-    ),
+    output_file("--resume", "Store the search in FILE; the same command continues from there."),
 ]
 DrawOption = Annotated[
     Path | None,
-    option(
-        "--draw FILE",
+    output_file(
+        "--draw",
         "Picture of the published form's search on the training files, updated as it goes; a "
         "chosen member is in the report.",
-        callback=writable,
     ),
 ]
 

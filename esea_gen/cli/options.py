@@ -102,9 +102,24 @@ def folder_to_be(path: Path | None) -> Path | None:
     return path
 
 
-JsonOption = Annotated[
-    Path | None, option("--json FILE", "Also write the result as JSON.", callback=writable)
-]
+for _check in (writable, folder_to_be):
+    vars(_check)["writes"] = True  # never a file that the command reads: see groups
+
+
+def output_file(flag: str, words: str, *endings: str) -> Any:
+    """An option for a file to write, tried before the run; endings choose a picture's format."""
+
+    def writable_file(file: Path | None) -> Path | None:
+        if endings and file is not None and file.suffix.lower() not in endings:
+            fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
+            raise UserError(f"{file}: not the name of a picture file.", fix)
+        return writable(file)
+
+    vars(writable_file)["writes"] = True
+    return option(f"{flag} FILE", words, callback=writable_file)
+
+
+JsonOption = Annotated[Path | None, output_file("--json", "Also write the result as JSON.")]
 
 
 SeedOption = Annotated[int, option("--seed", "Random seed.", min=0)]
@@ -181,23 +196,8 @@ ClusterOption = Annotated[
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def picture_file(figure: Path | None, *endings: str) -> Path | None:
-    """An output file whose ending, of these, chooses its format."""
-    if endings and figure is not None and figure.suffix.lower() not in endings:
-        fix = f"End it in {', '.join(endings[:-1])} or {endings[-1]}."
-        raise UserError(f"{figure}: not the name of a picture file.", fix)
-    return writable(figure)
-
-
-def writable_picture(figure: Path | None) -> Path | None:
-    return picture_file(figure, *PICTURES)
-
-
-for _check in (writable, folder_to_be, writable_picture):
-    vars(_check)["writes"] = True  # never a file that the command reads: see groups
 FigureOption = Annotated[
-    Path | None,
-    option("--figure FILE", "Also write a plot: .png, .svg or .pdf.", callback=writable_picture),
+    Path | None, output_file("--figure", "Also write a plot: .png, .svg or .pdf.", *PICTURES)
 ]
 
 

@@ -11,7 +11,7 @@ import typer
 import esea_gen
 from esea_gen.cli import options
 from esea_gen.cli.app import app, out
-from esea_gen.cli.options import option, writable
+from esea_gen.cli.options import output_file, writable
 from esea_gen.cli.output import exit_unless, progress_line, progress_share
 from esea_gen.errors import from_extra
 from esea_gen.files import write_json, write_whole
@@ -25,7 +25,7 @@ def report(
     data: options.DataOption = None,
     board: options.BoardOption = DEFAULT_BOARD,
     page: Annotated[
-        Path | None, option("--out FILE", "Output file; default: <device>.html.", callback=writable)
+        Path | None, output_file("--out", "Output file; default: <device>.html.")
     ] = None,
     controller: options.ControllerOption = None,
     json_file: options.JsonOption = None,
@@ -59,9 +59,7 @@ def specimen(
         ),
     ] = None,
     data: options.DataOption = None,
-    page: Annotated[
-        Path | None, option("--out FILE", "Output; default: specimen.html.", callback=writable)
-    ] = None,
+    page: Annotated[Path | None, output_file("--out", "Output; default: specimen.html.")] = None,
 ) -> None:
     """Report on one specimen, as one HTML page: loops, intervals, reliability, life."""
     target = page or writable(Path("specimen.html"))

@@ -53,12 +53,10 @@ DESIGNED = (
 )
 
 
-def tell_of_gains(
-    origin: str, device: Document, shipped: Mapping[str, Document], controllers: Sequence[str]
-) -> None:
-    """Warn of gains that were designed for other numbers than the device's."""
+def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document], by: str) -> None:
+    """Warn of gains that were designed for other numbers than the device's; by: its controllers."""
     name = origin.removesuffix(".toml") if origin.removesuffix(".toml") in shipped else origin
-    name = f"{','.join(controllers)}@{name}" if controllers else name  # as commands take it
+    name = f"{by}@{name}" if by else name  # as commands take it
     laws = device.get("laws", LAW_SECTIONS)  # one of a file may use any section
     idle = () if ".py:" in str(laws) else LAW_SECTIONS.keys() - set(laws)
     for group in (g for g in DESIGNED if g.section not in idle):

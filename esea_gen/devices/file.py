@@ -186,7 +186,7 @@ def parse_file(text: str, origin: str, controllers: Iterable[str] = ()) -> Devic
     file = checked(DeviceFile, document, origin, _fix, text)
     check_content(origin, text, file)
     if file.disturbance is not None:
-        tell_of_gains(origin, document, _shipped("disturbance"), list(controllers))
+        tell_of_gains(origin, document, _shipped("disturbance"), ",".join(controllers))
     else:
         tell_of_bandwidth(origin, document, _shipped("velocity"))
     tell_of_drive(origin, file)

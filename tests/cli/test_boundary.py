@@ -230,7 +230,7 @@ def test_every_file_to_write_is_known_as_one(program):
     for words, one in leaves(program):
         for name, hint in get_type_hints(one.callback).items():
             p = next(p for p in one.params if p.name == name) if "Path" in str(hint) else None
-            if p and p.metavar != "DIR" and re.match("Also|Picture|Save|The page|Write", p.help):
+            if p and p.metavar != "DIR" and re.match("Also|Output|Save|The page|Write", p.help):
                 known[*words, name] = hasattr(p.callback, "writes")
     assert [o for o in known if not known[o]] == []
     assert len(known) > 20

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from esea_gen.cli.options import JsonOption, option, picture_file
+from esea_gen.cli.options import JsonOption, option, output_file
 
-__all__ = ["JsonOption"]
-
-
-def output_file(flag: str, words: str, *endings: str) -> Any:
-    """An option for a file to write, or a picture, which is tried before the run."""
-
-    def writable_file(file: Path | None) -> Path | None:
-        return picture_file(file, *endings)
-
-    vars(writable_file)["writes"] = True
-    return typer.Option(flag, metavar="FILE", callback=writable_file, help=words)
-
+__all__ = ["JsonOption", "output_file"]
 
 AddressArgument = Annotated[
     str,

@@ -72,14 +72,11 @@ class LslOutlet:
     Samples are stamped by the board's clock, put onto LSL's by the quickest recent arrival.
     """
 
-    def __init__(
-        self, device: str, address: str, rates_Hz: dict[str, float], simulated: bool = False
-    ) -> None:
+    def __init__(self, device: str, at: str, rates_Hz: dict[str, float], simulated: bool) -> None:
         self._lsl = _library("pylsl", "pylsl")
         self._device, self._rates, self._simulated = device, rates_Hz, simulated
         # Receivers take two boards of one source for one board that came back.
-        process = f" {os.getpid()}" if address.startswith("sim:") else ""
-        self._board = f"{address} at {platform.node()}{process}"
+        self._board = f"{at} at {platform.node()}" + f" {os.getpid()}" * at.startswith("sim:")
         self._outlets: dict[str, tuple[Any, list[str]]] = {}
         self._ahead_s, self._until_s = [math.inf, math.inf], -math.inf
         self.said = f"LSL: {', '.join(f'{device} {s}' for s in rates_Hz)}"
@@ -88,10 +85,9 @@ class LslOutlet:
         if layout.name not in self._outlets:
             columns = [c for c in layout.columns if c.name != TICK and c.size == 1]
             name = f"{self._device} {layout.name}"
-            rate = self._rates.get(layout.name, 0.0)
-            source = f"{name} of {self._board}"
+            rate, of = self._rates.get(layout.name, 0.0), f"{name} of {self._board}"
             # Status words have more bits than a single has.
-            info = self._lsl.StreamInfo(name, "Mocap", len(columns), rate, "double64", source)
+            info = self._lsl.StreamInfo(name, "Mocap", len(columns), rate, "double64", of)
             if self._simulated:
                 info.desc().append_child_value("simulated", "1")
             channels = info.desc().append_child("channels")

@@ -302,10 +302,7 @@ class StudyFolder:
             warnings.warn(f"{error.what} Its session is left out.", stacklevel=2)
 
     def rows(self, code: str, before: int | None = None, strict: bool = True) -> tuple[Row, ...]:
-        """Rows of a participant's completed trials, with what the protocol sets, in order.
-
-        before: of earlier sessions than this one only.
-        """
+        """Rows of completed trials with their parameters, in order; of sessions ``before`` one."""
         found: list[Row] = []
         for _, session, path in self.sessions(code):
             if before is None or session < before:
