@@ -218,6 +218,7 @@ def test_a_leg_in_hands_does_not_fall(opened, fastest):
         (["run", "--headless"], "--device"),
         (["run", "--json", __file__], "already exists"),
         (["range", "x.csv", "--figure", "x.txt"], "not the name of a picture file"),
+        (["range", "x.csv", "--from-deg", "-1"], "reach: -1 to 130 deg"),
         (["run", "--device", "tcp:127.0.0.1:1", "--patient", "simulated:S3"], "sim:knee"),
         (["pendulum", "--device", "sim:elbow_drive"], "has a motor"),
         (["run", "--device", "sim:elbow"], "measures up to 20 Nm"),

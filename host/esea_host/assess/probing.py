@@ -68,12 +68,12 @@ class Comfort:
     def __post_init__(self) -> None:
         if not 0 <= self.low_rad < self.high_rad <= math.radians(160):
             raise UserError(
-                f"reach: {self.low_rad / DEG:.0f} to {self.high_rad / DEG:.0f} deg.",
+                f"reach: {self.low_rad / DEG:g} to {self.high_rad / DEG:g} deg.",
                 "Give two angles of flexion between 0 and 160 deg, the smaller first.",
             )
         if not 0 < self.rate_rad_s <= 300 * DEG:
             raise UserError(
-                f"comfortable speed: {self.rate_rad_s / DEG:.0f} deg/s.", "Give 1 to 300 deg/s."
+                f"comfortable speed: {self.rate_rad_s / DEG:g} deg/s.", "Give 1 to 300 deg/s."
             )
 
 

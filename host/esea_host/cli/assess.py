@@ -388,11 +388,11 @@ def range_(
 
     _one_of(recording, device)
     check_body(height_m, mass_kg)
+    slow = Comfort(low_deg * DEG, high_deg * DEG, SLOW_rad_s)
     somebody = _patient(patient, device, (height_m, mass_kg), seed)
     if recording is not None:
         leg = read_recording(recording, height_m, mass_kg)
     else:
-        slow = Comfort(low_deg * DEG, high_deg * DEG, SLOW_rad_s)
         given = device, key, somebody, slow, json_file, seed
         with _measuring(*given, zero=zero, kept_s=seconds + 10) as (board, hands):
             from esea_host.assess.board import await_cycles
