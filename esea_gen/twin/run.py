@@ -90,7 +90,8 @@ def told(
         "mode": np.where(t < max(ON_S, ON_PERIODS * slow_s), OFF, mode).astype(float),
         "rearm": (t >= max(ARM_S, ARM_PERIODS * slow_s)).astype(float),
     }
-    future = previews(path, device_horizon(device), device.period_s)
+    known = previews(path, device_horizon(device), device.period_s)
+    future = {of_axis(k, a): v * (a == axis) for k, v in known.items() for a in device.axes}
     zero = {of_axis(k, a): np.zeros(n) for k in (*ZERO, *WANTED) for a in ("", *device.axes)}
     signals = {k: v for k, v in (zero | future).items() if k in loop.signals} | signals
     ticks = round(n / RATE_HZ / device.period_s)
