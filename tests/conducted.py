@@ -112,8 +112,7 @@ def beginning(folder: Path):
 
     def begin_one(protocol, source=None, at=(), **more) -> Stepped:
         study = study_of(folder, protocol)
-        given = source or SimulatedSource(3)
-        session = study.session("P01", 0, given)
+        session = study.session("P01", 0, source or SimulatedSource(3))
         made.append(Stepped(study, session, **{"speed": math.inf, "at": at} | more))
         made[-1].start()
         return made[-1]

@@ -19,8 +19,7 @@ def built(*trees, nodes=None) -> tuple[list[Node], list[int]]:
         if not isinstance(tree, tuple):
             nodes.append(Node("const", value=float(tree)))
         else:
-            args = tuple(put(t) for t in tree[1:])
-            nodes.append(Node(tree[0], args))
+            nodes.append(Node(tree[0], tuple(put(t) for t in tree[1:])))
         return len(nodes) - 1
 
     return nodes, [put(t) for t in trees]

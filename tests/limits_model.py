@@ -345,10 +345,8 @@ def invariants(y: dict[str, np.ndarray], x: dict[str, np.ndarray], n: Numbers) -
     one_ulp = float(np.spacing(np.float32(n.u)))
     assert np.all((np.abs(u - before) <= n.step + one_ulp) | latched)
     assert np.all(latched[x["stop"] != 0])
-    nan = np.any([~np.isfinite(v) for v in x.values()], axis=0)
-    assert np.all(latched[nan])
-    opened = np.flatnonzero(~latched & np.concatenate([[True], latched[:-1]]))
-    for k in opened:
+    assert np.all(latched[np.any([~np.isfinite(v) for v in x.values()], axis=0)])
+    for k in np.flatnonzero(~latched & np.concatenate([[True], latched[:-1]])):
         assert x["mode"][k] == 0
         assert x["u_command_Nm"][k] == 0
         assert x["stop"][k] == 0

@@ -103,8 +103,7 @@ class MoteusBoard(SimBoard):
 
     def show(self, counts) -> None:
         """The drive's encoders read them."""
-        names = ("count_motor", "count_load", "count_gear")
-        self.joint.show(dict(zip(names, counts, strict=True)))
+        self.joint.show(dict(zip(("count_motor", "count_load", "count_gear"), counts, strict=True)))
 
     @property
     def motors_Nm(self) -> tuple[float, ...]:

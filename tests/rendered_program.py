@@ -34,5 +34,4 @@ def program_system(program: Program, device: str = "program") -> System:
 
 def render_program(program: Program, real: str, device: str = "program") -> ProgramRenderer:
     """Renderer of a System of one Program."""
-    system = program_system(program, device)
-    return ProgramRenderer(system, FORMATS[real], "-", "-", program.title)
+    return ProgramRenderer(program_system(program, device), FORMATS[real], "-", "-", program.title)

@@ -82,9 +82,7 @@ def play(x: np.ndarray, r: float) -> np.ndarray:
 def rig(*amplitudes: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, deflection and torque of springs and two stops; by default eight equal cycles."""
     sizes = np.repeat(amplitudes or (0.1,) * 8, PER)
-    angle = 2 * np.pi * np.arange(len(sizes)) / PER
-    x = np.append(sizes * np.sin(angle), 0.0)
+    x = np.append(sizes * np.sin(2 * np.pi * np.arange(len(sizes)) / PER), 0.0)
     t = np.arange(len(x)) * 2 / PER
     y = 20 * x + 500 * x**3 + 8 * (x - play(x, 0.01)) + 5 * (x - play(x, 0.04))
-    rng = np.random.default_rng(4)
-    return t, x, y + rng.normal(0, 0.002, len(y))
+    return t, x, y + np.random.default_rng(4).normal(0, 0.002, len(y))

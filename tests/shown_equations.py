@@ -109,8 +109,7 @@ def names(equation: Equation) -> set[str]:
 
 def _read(equation: Equation) -> tuple[str, set[str]]:
     text = equation.mathml.replace("&InvisibleTimes;", "\u2062").replace("&pi;", "π")
-    text = re.sub(r"<mo><</mo>", "<mo>&lt;</mo>", text).replace("&dd;", "d")
-    (whole,) = ET.fromstring(text)
+    (whole,) = ET.fromstring(re.sub(r"<mo><</mo>", "<mo>&lt;</mo>", text).replace("&dd;", "d"))
     at = [p.tag == "mo" and p.text == "=" for p in whole].index(True)
     reader = _Reader()
     return "".join(map(reader.read, list(whole)[at + 1 :])), reader.names

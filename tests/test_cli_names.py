@@ -180,8 +180,7 @@ except SystemExit:
 @pytest.mark.parametrize("program", ["esea_gen", "esea_host"])
 def test_help_says_of_each_command_what_the_command_says(program):
     """Help takes it from the text of the file, without reading what the command imports."""
-    app = import_module(f"{program}.cli.app").app
-    root = typer.main.get_command(app)
+    root = typer.main.get_command(import_module(f"{program}.cli.app").app)
     told = "".join(root.get_help(click.Context(root, max_content_width=10_000)).split())
     assert len(root.list_commands(None)) == sum(map(len, root.groups.values())) > 15
     for name in root.list_commands(None):

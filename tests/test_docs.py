@@ -177,8 +177,7 @@ def test_the_c_on_the_page_compiles_and_runs(tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True)
     said = subprocess.run([tmp_path / "use"], capture_output=True, text=True, check=True).stdout
     # The model itself, with the same tunable.
-    elbow = esea_gen.load_device("elbow")
-    simulator = elbow.system.simulator({"velocity": {"bandwidth_Hz": 20.0}})
+    simulator = esea_gen.load_device("elbow").system.simulator({"velocity": {"bandwidth_Hz": 20.0}})
     for k in range(100):
         out = simulator.step("sense", theta_rad=float(np.float32(0.001) * np.float32(k)))
     assert said == f"tau_Nm {out['tau_Nm']:.3f}\n"
@@ -249,8 +248,7 @@ def test_the_glossary_speaks_of_what_is_there():
 
 def test_the_rooms_on_the_page_are_those_that_imports_are_held_to():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("\n## Rooms\n")[2]
-    shown = re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)
-    assert shown == rooms()
+    assert re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) == rooms()
 
 
 # -- docstrings -----------------------------------------------------------------------------------
@@ -307,8 +305,7 @@ def test_every_device_key_is_on_the_site(site):
     assert {"schema", "k1_Nm_rad", "maxwell", "eps2", "resolution_bits"} <= set(keys)
     page = (site / "device-file.html").read_text(encoding="utf-8")
     missing = [k for k in keys if f"<code>{k}</code>" not in page and f".{k}]" not in page]
-    missing = [k for k in missing if f"<code>[{k}]</code>" not in page]
-    assert missing == []
+    assert [k for k in missing if f"<code>[{k}]</code>" not in page] == []
 
 
 @pytest.mark.ci
@@ -342,8 +339,7 @@ def test_every_command_and_option_is_on_the_site(site):
 def test_everything_public_is_on_the_site(site):
     pages = "".join(p.read_text(encoding="utf-8") for p in (site / "api").glob("*.html"))
     named = set(re.findall(r'id="(esea_(?:gen|host)[^"]+)"', pages))
-    wanted = {item.name for module in made.modules() for item in made.items(module)}
-    assert wanted - named == set()
+    assert {item.name for module in made.modules() for item in made.items(module)} - named == set()
 
 
 @pytest.mark.ci

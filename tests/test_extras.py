@@ -39,8 +39,7 @@ def without(names, *words, cwd: Path, program: str = "esea_gen") -> tuple[int, s
 
 @pytest.mark.ci
 def test_the_core_builds_c_and_says_that_a_dialect_needs_the_link(tmp_path):
-    everything = (*LINK, *HOST, *CLUSTER)
-    code, said = without(everything, "build", "elbow", "--out", "c", cwd=tmp_path)
+    code, said = without((*LINK, *HOST, *CLUSTER), "build", "elbow", "--out", "c", cwd=tmp_path)
     assert code == 0
     assert 'no MAVLink dialect: it needs pymavlink; pip install "esea-gen[link]"' in said
     for real, kind in (("f64", "manifest.json"), ("f32", "*.[ch]")):

@@ -65,5 +65,4 @@ def test_the_entries_are_on_the_readme_and_on_the_start_page():
         assert f"(docs/{page}.md)" in readme
         assert f"({page}.md)" in start
     assert blocks.findall(readme) == blocks.findall(start)  # the same commands, the same program
-    named = re.findall(r"\]\(((?!http)[^)#]+)", readme)
-    assert [n for n in named if not (ROOT / n).exists()] == []
+    assert [n for n in re.findall(r"\]\(((?!http)[^)#]+)", readme) if not (ROOT / n).exists()] == []

@@ -91,8 +91,7 @@ def test_single_precision_to_raw_numbers_and_back(lib, x, n):
 @example(-2147483646.5, 0)
 @example(math.nan, 3)
 def test_a_number_by_itself_becomes_the_raw_one_that_it_is_in_a_column(x, n):
-    field = Field("x", Port("x", -1, 1, "any"), n)
-    assert field.encode(x) == to_raw([x], n)[0]
+    assert Field("x", Port("x", -1, 1, "any"), n).encode(x) == to_raw([x], n)[0]
 
 
 def floor_shift(value: int, shift: int) -> int:
@@ -143,8 +142,7 @@ def test_functions_equal_their_python(lib, data):
     d = draw(INT62)
     k = draw(st.integers(-90, 90))
     low, high = -draw(st.integers(0, 2**61)), draw(st.integers(0, 2**61))
-    got = lib.esea_q63_divide(wide, d, k, low, high)
-    assert got == functions.divide(wide, d, k, low, high)
+    assert lib.esea_q63_divide(wide, d, k, low, high) == functions.divide(wide, d, k, low, high)
 
 
 def test_where_a_result_has_no_place_it_is_the_end():
@@ -197,8 +195,7 @@ def test_divide_keeps_its_error(n, d, k):
     exact = Fraction(n, d) * Fraction(2) ** k
     got = functions.divide(n, d, k, -(2**62), 2**62)
     if abs(exact) < 2**61:
-        error = abs(got - exact)
-        assert error <= abs(exact) * Fraction(functions.DIVIDE_ERROR) + Fraction(1, 2)
+        assert abs(got - exact) <= abs(exact) * Fraction(functions.DIVIDE_ERROR) + Fraction(1, 2)
 
 
 @given(st.integers(1, 2**31 - 1), st.floats(0.05, 4.0))

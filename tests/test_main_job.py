@@ -41,8 +41,7 @@ def test_the_rubber_is_identified(finished):
 
 
 def test_the_board_gives_the_hosts_bits_on_the_recorded_stream(finished):
-    found = json.loads((finished / "r.json").read_text())
-    streams = found["board"]["streams"]
+    streams = json.loads((finished / "r.json").read_text())["board"]["streams"]
     assert streams
     for result in streams.values():
         assert result["steps"] > 50_000

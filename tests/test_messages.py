@@ -100,8 +100,7 @@ def test_what_the_host_gives_and_what_the_board_measures(system):
 
 
 def test_every_fault_has_one_number_and_they_stand_in_order(system):
-    codes = fault_codes(system)
-    numbers = [c.value for c in codes]
+    numbers = [c.value for c in fault_codes(system)]
     assert numbers == sorted(set(numbers))
     assert numbers[0] == 0  # none
     drive = board_roles(system).drive

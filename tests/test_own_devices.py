@@ -109,8 +109,7 @@ def taken_through(number: int, folder, whole: bool) -> str:
         chosen = () if whole else ("--block", "velocity", "--real", "f64")
         said("verify", str(file), *chosen)
     if drive:
-        path = shorter(TuningCase().cases()[0], 2)
-        run = run_case(path, Setting(str(file)), 0)
+        run = run_case(shorter(TuningCase().cases()[0], 2), Setting(str(file)), 0)
         assert np.isfinite(run["tau_e_Nm"]).all()
     if whole:
         more = ("--seconds", "0.3") if drive else ()

@@ -30,8 +30,7 @@ def named_in_the_sources() -> set[str]:
     for path in SOURCES:
         text = path.read_text()
         for node in ast.walk(ast.parse(text)) if re.search(r"\b(write_json|show)\(", text) else ():
-            name = getattr(getattr(node, "func", None), "id", "")
-            place = {"write_json": 1, "show": 2}.get(name)
+            place = {"write_json": 1, "show": 2}.get(getattr(getattr(node, "func", None), "id", ""))
             if place is None or len(node.args) <= place:
                 continue
             what = node.args[place]
@@ -84,8 +83,7 @@ def test_a_result_that_left_its_schema_is_found(tmp_path):
 
 
 def test_the_schema_command_prints_them(tmp_path):
-    done = CliRunner().invoke(app, ["schema", "tune"])
-    assert json.loads(done.output)["$id"] == "tune-1"
+    assert json.loads(CliRunner().invoke(app, ["schema", "tune"]).output)["$id"] == "tune-1"
     assert "tune" in CliRunner().invoke(app, ["schema", "--list"]).output.split()
     assert json.loads(CliRunner().invoke(app, ["schema"]).output)["title"] != "tune"
 

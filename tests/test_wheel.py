@@ -79,8 +79,7 @@ def test_wheel_holds_what_is_needed_and_no_more(wheel):
     }
     assert here <= set(names)
     assert {"esea_gen/py.typed", "esea_host/assess/knee.npz"} <= set(names)
-    ours = {"esea_gen", "esea_host", "esea_gen-0.1.0.dist-info"}
-    assert {n.split("/")[0] for n in names} == ours
+    assert {n.split("/")[0] for n in names} == {"esea_gen", "esea_host", "esea_gen-0.1.0.dist-info"}
     assert not [n for n in names if n.endswith((".pyc", ".so", ".o", ".elf"))]
     assert any(n.endswith("licenses/LICENSE") for n in names)
 

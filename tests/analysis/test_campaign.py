@@ -40,8 +40,7 @@ def test_any_number_of_workers_gives_the_same(tmp_path):
     two = run_cases(draw, cases, configuration=CONFIG, workers=2, folder=tmp_path)
     assert one.to_dict() == two.to_dict()
     assert [r.case for r in one.results] == cases
-    again = run_cases(draw, cases, configuration=CONFIG, folder=tmp_path)
-    assert again.to_dict() == one.to_dict()
+    assert run_cases(draw, cases, configuration=CONFIG, folder=tmp_path).to_dict() == one.to_dict()
 
 
 def started(folder: Path) -> list[str]:
@@ -89,8 +88,7 @@ def test_failures_are_counted_and_told(tmp_path):
     bad = {s for s, v in normal.items() if v > 1.5 or v < -1.8}
     assert {r.case["seed"] for r in result.failures} == bad
     assert bad
-    words = {r.failure for r in result.failures}
-    assert words <= {"RuntimeError: tripped at 1.0", "odd is inf"}
+    assert {r.failure for r in result.failures} <= {"RuntimeError: tripped at 1.0", "odd is inf"}
     table = result.table()
     assert table[0] == f"60 cases, {len(bad)} failed"
     assert sum("FAILED" in line for line in table) == min(len(bad), 10)
@@ -274,8 +272,7 @@ def test_a_studys_code_is_every_source_and_number_file_of_its_rooms(tmp_path, mo
 
 def test_a_key_depends_on_content_only(tmp_path):
     assert Configuration({"a": 1, "b": [2.5]}).key == Configuration({"b": [2.5], "a": 1}).key
-    keys = {Configuration(p).key for p in ({"a": 1}, {"a": 2}, {"a": "1"}, {"b": 1})}
-    assert len(keys) == 4
+    assert len({Configuration(p).key for p in ({"a": 1}, {"a": 2}, {"a": "1"}, {"b": 1})}) == 4
     (tmp_path / "x").write_bytes(b"abc")
     assert file_digest(tmp_path / "x").startswith("ba7816bf")  # FIPS 180-2, example 1
     for wrong in ({"a": np.nan}, {"a": object()}):

@@ -180,8 +180,7 @@ def test_nobody_or_somebody_else_answers(dask):
     text, took_s = refused("tune", "--cluster", silent)
     assert f"No Dask scheduler at '{silent}'" in text
     assert took_s < 15
-    worker = next(iter(dask.workers()))
-    text, _ = refused("tune", "--cluster", worker)
+    text, _ = refused("tune", "--cluster", next(iter(dask.workers())))
     assert "a worker answers there" in text
 
 

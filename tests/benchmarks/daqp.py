@@ -59,8 +59,7 @@ def problems_of(n: int, count: int) -> tuple[list[tuple[Array, Array]], dict[str
     rng = np.random.default_rng(1)
     problems = []
     for k in range(count):
-        t = np.arange(n)
-        s = np.cumsum(np.exp(-t / rng.uniform(2, 20)))
+        s = np.cumsum(np.exp(-np.arange(n) / rng.uniform(2, 20)))
         j = 17.0 * np.array([[s[a - b] if a >= b else 0 for b in range(n)] for a in range(n)]) / n
         target = rng.normal(size=n) * (0.3 if k % 3 else 30.0)  # a third with active bounds
         problems.append((j.T @ j + 0.4 * np.eye(n), -j.T @ target))

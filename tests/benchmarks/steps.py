@@ -69,8 +69,7 @@ def subjects(device: Device, steps: int) -> Iterator[Subject]:
 def drive_subjects(device: Device, steps: int) -> Iterator[Subject]:
     """Every Block of a drive, each in a System of its own, on what it is given in closed loop."""
     system = device.system
-    ticks = max(t.phase + steps * t.every for t in system.tasks)
-    inputs = record_drive(device, ticks).inputs
+    inputs = record_drive(device, max(t.phase + steps * t.every for t in system.tasks)).inputs
     board = SystemSimulator(system)
     given: dict[str, list[dict[str, Any]]] = {i: [] for i in board.blocks}
 

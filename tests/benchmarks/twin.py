@@ -53,8 +53,7 @@ class PlantEquations:
         radii, weights = stop_grid(self.e, int(self.e["stops"]))
         self.stops = [(float(r), float(w)) for r, w in zip(radii, weights, strict=True)]
         self.d4_Nm = p["J_kgm2"] * p["gear_disturbance_rms_rad_s2"] * math.sqrt(2 / SINES)
-        order = range(1, SINES + 1)
-        self.waves = [(p[f"wave_{i}_1_rad"], p[f"phase_{i}_rad"]) for i in order]
+        self.waves = [(p[f"wave_{i}_1_rad"], p[f"phase_{i}_rad"]) for i in range(1, SINES + 1)]
         self.rest: tuple[Any, Any] = [0.0] * 6, (0.0, [0.0] * len(self.stops))
 
     def torque_Nm(self, y: Any, memory: tuple[float, list[float]]) -> float:

@@ -115,8 +115,7 @@ def test_letting_go_fades_every_axis_from_its_own_torque(wrist, ask, time, off, 
     for name, torque_Nm in wanted.items():  # each look takes a tick
         assert told(wrist, name.replace("desired", "set")) == pytest.approx(torque_Nm / 2, rel=0.03)
     wrist.ticks(off_ms - fade_ms // 2 - 4)
-    left = [abs(told(wrist, name.replace("desired", "set"))) for name in wanted]
-    assert max(left) < 1e-3
+    assert max(abs(told(wrist, name.replace("desired", "set"))) for name in wanted) < 1e-3
     assert wrist.motor_on
     wrist.ticks(1)
     assert (wrist.state_now, wrist.motor_on) == (after, False)
@@ -188,8 +187,7 @@ def test_a_board_without_a_motor_is_zeroed_and_never_armed(name):
     assert [told(board, n) for n in angles] == [0.0] * len(angles)
     with pytest.raises(LinkError, match="does not arm"):
         board.arm()
-    serials = list(range(11, 11 + len(angles)))
-    name_encoders(board, serials)
+    name_encoders(board, list(range(11, 11 + len(angles))))
     board.zero()
     board.ticks(230)
     board.restart()

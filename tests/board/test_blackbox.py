@@ -181,8 +181,7 @@ def test_any_bit_that_changed_costs_its_record_or_the_whole_box(library, box, fr
     for bit in range(8 * len(kept)):
         memory = bytearray(kept)
         memory[bit // 8] ^= 1 << bit % 8
-        again = after_reset(library, box, 0, bytes(memory))
-        found = again.ticks()
+        found = after_reset(library, box, 0, bytes(memory)).ticks()
         assert found == sorted(found)
         if bit // 8 < head:
             assert found == []
@@ -235,8 +234,7 @@ def test_another_firmware_takes_nothing_from_it(library, box, tmp_path):
     for tick in range(5):
         box.add(tick, ON)
     library[1].esea_blackbox_freeze(box.box, SENSING, 4)
-    other = build(tmp_path, "a1b3")
-    assert after_reset(other, box).ticks() == []
+    assert after_reset(build(tmp_path, "a1b3"), box).ticks() == []
     assert len(after_reset(library, box).ticks()) == 5
 
 

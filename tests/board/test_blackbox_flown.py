@@ -101,8 +101,7 @@ def test_after_a_fault_and_a_reset_it_holds_what_was_fed(active, before, ticks):
     assert [r.measured["count_gear"] for r in quiet] == rest[-len(quiet) :]
     assert not any(r.on for r in quiet)
     # Zeroing starts the ticks anew.
-    numbers = [r.tick for r in records[-ticks:]]
-    assert numbers == list(range(last.tick - ticks, last.tick))
+    assert [r.tick for r in records[-ticks:]] == list(range(last.tick - ticks, last.tick))
     assert max(abs(r.u_Nm["u_Nm"]) for r in records) > 0.001
 
 
@@ -135,8 +134,7 @@ def test_a_stop_is_recorded(active):
     active.lib.sim_stop_line(False)
     active.trouble(FAULTS["BROWN_OUT"])
     active.ticks()
-    told = [(r.state, r.stop_held, r.on) for r in active.blackbox()[-4:]]
-    assert told == [
+    assert [(r.state, r.stop_held, r.on) for r in active.blackbox()[-4:]] == [
         ("ACTIVE", False, True),
         ("STOPPED", True, False),
         ("STOPPED", True, False),
@@ -246,8 +244,7 @@ def test_a_board_with_less_memory_remembers_less(drive, tmp_path):
 
 @pytest.mark.ci
 def test_a_device_without_a_motor_has_one_too(tmp_path):
-    elbow = load_device("elbow")
-    board = SimBoard(elbow)
+    board = SimBoard(load_device("elbow"))
     board.measure(theta_rad=0.125)
     board.ticks(30)
     board.trouble(FAULTS["BROWN_OUT"])

@@ -118,8 +118,7 @@ def test_an_erasure_empties_the_data_cache_while_it_is_off(built):
 
 
 def test_pins_that_others_use_are_left_as_they_are(built):
-    kept = {A + MODER: 0xA80000FF, B + MODER: 0x000A0280, B + AFRL: 0x77000000}
-    mcu = Mcu(built, kept)
+    mcu = Mcu(built, {A + MODER: 0xA80000FF, B + MODER: 0x000A0280, B + AFRL: 0x77000000})
     assert mcu[A + MODER] & 0xFFFF00FF == 0xA80000FF
     assert mcu[B + MODER] & 0xC3FFFFFC == 0x000A0280
     assert mcu[B + AFRL] & 0xFFFFFFF0 == 0x77000000
@@ -263,8 +262,7 @@ def test_both_motors_are_on_or_none_and_each_current_is_watched(two):
         mcu.lib.motor_to(0.0, 0.0, True)
         assert mcu.lib.trouble() == 0
         mcu.counts[channel] = 4095
-        told = [mcu.lib.trouble() for _ in range(20)]
-        assert told == [0] * 19 + [FAULTS["MOTOR_CURRENT"]]
+        assert [mcu.lib.trouble() for _ in range(20)] == [0] * 19 + [FAULTS["MOTOR_CURRENT"]]
         mcu.counts[channel] = 2048
         mcu.lib.motor_to(0.0, 0.0, False)
         assert mcu.lib.trouble() == 0

@@ -27,8 +27,7 @@ class Magnetic:
         drivers.lib.esea_as5048a_start(self.state)
 
     def read(self):
-        lib = self.drivers.lib
-        angle = lib.esea_as5048a_read(self.state, self.config, self.drivers.hardware)
+        angle = self.drivers.lib.esea_as5048a_read(self.state, self.config, self.drivers.hardware)
         return angle.count, F(angle.frame_error)
 
     def settle(self, ticks=6):
@@ -57,8 +56,7 @@ def test_an_angle_is_that_of_its_own_tick(magnetic):
 
 
 def test_nothing_is_believed_before_the_chip_has_told_of_itself(drivers):
-    encoder = Magnetic(drivers)
-    frames = encoder.settle(4)
+    frames = Magnetic(drivers).settle(4)
     assert [bool(wrong) for _, wrong in frames] == [True, False, False, False]
     assert frames[0][1] == F.NOT_READY
 
@@ -106,8 +104,7 @@ def test_one_wrong_bit_of_a_command_is_flagged_and_cleared(magnetic, bit):
 @pytest.mark.parametrize("fault", ["stuck_low", "stuck_high"])
 def test_a_stuck_bus_is_found_in_the_tick(magnetic, fault):
     magnetic.drivers.bench.wires[LINE] = WIRE_FAULTS[fault]
-    told = magnetic.settle(20)
-    assert all(F.NO_ANSWER in wrong for _, wrong in told)
+    assert all(F.NO_ANSWER in wrong for _, wrong in magnetic.settle(20))
     # And it comes back by itself.
     del magnetic.drivers.bench.wires[LINE]
     assert [bool(w) for _, w in magnetic.settle(8)][4:] == [False] * 4
@@ -204,8 +201,7 @@ class Biss:
         self.config = drivers.ffi.new("esea_biss_config_t *", (LINE, position_bits, bits, count))
 
     def read(self):
-        lib = self.drivers.lib
-        angle = lib.esea_biss_read(self.state, self.config, self.drivers.hardware)
+        angle = self.drivers.lib.esea_biss_read(self.state, self.config, self.drivers.hardware)
         return angle.count, F(angle.frame_error)
 
     def length(self):
@@ -283,8 +279,7 @@ def test_every_single_and_double_wrong_bit_is_found(biss):
 
 
 def test_every_burst_of_up_to_six_bits_is_found(biss):
-    n = biss.length()
-    for start in range(n - 6):
+    for start in range(biss.length() - 6):
         for pattern in range(1, 64, 2):
             bits = [start + k for k in range(6) if pattern >> k & 1]
             assert spoilt(biss, *bits) == F.PARITY, bits

@@ -177,8 +177,7 @@ def test_set_points_go_on_while_a_clock_runs_otherwise_than_ours(board):
 def test_a_stop_is_taken_whatever_came_before(board, before, cut, data):
     part = board.pack(data.draw(st.sampled_from(list(expiring(board).values()))))[:cut]
     stop = board.pack(command(board, STOP))
-    guest = data.draw(st.booleans())
-    if guest:
+    if data.draw(st.booleans()):
         board.greet(0, "somebody")
         board.overhear(0, before + part + stop, last=True)
     else:
@@ -191,8 +190,7 @@ def test_a_stop_is_taken_whatever_came_before(board, before, cut, data):
 
 
 def test_from_who_comes_beside_the_host_only_a_stop_is_taken(board):
-    greeting = board.greet(1, "10.0.0.1:5760")
-    assert b"this board is commanded by 10.0.0.1:5760" in greeting
+    assert b"this board is commanded by 10.0.0.1:5760" in board.greet(1, "10.0.0.1:5760")
     for name, message in expiring(board).items():
         board.overhear(1, board.frames(message), last=False)
         assert board.state_now == "READY", name

@@ -41,8 +41,7 @@ def chirp(steps: int = STEPS) -> np.ndarray:
     t_s = np.arange(steps) * 1e-3
     theta_rad = (0.2 * np.sin(2 * np.pi * (0.2 + 1.5 * t_s) * t_s)).astype(np.float32)
     bad = [np.nan, np.inf, -np.inf, -np.nan, 3.4e38, -0.0, 1e-40, 0.4, -0.34999999]
-    at = np.linspace(steps // 10, steps - 5, len(bad)).astype(int)
-    theta_rad[at] = bad
+    theta_rad[np.linspace(steps // 10, steps - 5, len(bad)).astype(int)] = bad
     return theta_rad
 
 
@@ -83,8 +82,7 @@ def board(elbow, native):
 
 
 def expected_of(elbow, theta_rad):
-    library = compile_device(elbow, "f32")
-    return library.task("sense").run({"theta_rad": theta_rad}, trace=False)[0]
+    return compile_device(elbow, "f32").task("sense").run({"theta_rad": theta_rad}, trace=False)[0]
 
 
 def step(board, sequence: int, theta_rad: float):
@@ -142,8 +140,7 @@ def test_noise_is_passed_over(board, elbow):
 
 
 def test_noise_with_start_bytes_costs_frames_but_not_the_link(board):
-    rng = np.random.default_rng(8)
-    board.send_bytes(rng.integers(0, 256, 20000).astype(np.uint8).tobytes())
+    board.send_bytes(np.random.default_rng(8).integers(0, 256, 20000).astype(np.uint8).tobytes())
     board.send_bytes(bytes(600))  # whatever frame the noise began is over after these
     assert board.command(board.dialect.MAV_CMD_USER_1) == board.dialect.MAV_RESULT_ACCEPTED
     info = board.info()
@@ -197,8 +194,7 @@ def test_exhausted_stack_latches_a_fault_and_no_step_is_taken(elbow, native):
 def test_refused_default_latches_a_fault(elbow, tmp_path):
     need("gcc")
     control = altered(elbow, r"(params->velocity\.bandwidth_Hz = )[\d.]+f", r"\g<1>1e9f")
-    image = build_firmware(elbow, "host", tmp_path, control)
-    with RunningBoard(elbow, image) as board:
+    with RunningBoard(elbow, build_firmware(elbow, "host", tmp_path, control)) as board:
         assert board.fault().startswith("PREPARE_REFUSED")
 
 
@@ -208,11 +204,9 @@ def test_refused_default_latches_a_fault(elbow, tmp_path):
 def test_first_difference_compares_bits_not_values():
     zero = {"a_Nm": np.float32([0.0, 1.0, np.nan]), "word": np.uint32([1, 2, 3])}
     assert first_difference(zero, zero) is None
-    minus = zero | {"a_Nm": np.float32([-0.0, 1.0, np.nan])}
-    found = first_difference(minus, zero)
+    found = first_difference(zero | {"a_Nm": np.float32([-0.0, 1.0, np.nan])}, zero)
     assert (found.step, found.output, found.board) == (0, "a_Nm", "0x80000000")
-    later = zero | {"word": np.uint32([1, 2, 7])}
-    assert first_difference(later, zero).step == 2
+    assert first_difference(zero | {"word": np.uint32([1, 2, 7])}, zero).step == 2
     with pytest.raises(ValueError, match="against"):
         first_difference(zero, {"a_Nm": zero["a_Nm"]})
     with pytest.raises(ValueError, match="float64"):
@@ -224,8 +218,7 @@ def test_one_unit_in_the_last_place_of_one_constant_is_found(elbow, tmp_path):
     # The sensor's final clip at 20 Nm would never bite: alter the cubic stiffness instead.
     files = dict(render_device(elbow, ["f32"])[0].files)
     text = files["esea_elbow_sensor.c"]
-    k3 = re.search(r"\b239\.0f\b", text)
-    assert k3, "the cubic stiffness stands in the sensor's step"
+    assert re.search(r"\b239\.0f\b", text), "the cubic stiffness stands in the sensor's step"
     bumped = np.nextafter(np.float32(239.0), np.float32(300.0))
     files["esea_elbow_sensor.c"] = text.replace("239.0f", f"{bumped:.9g}f", 1)
     image = build_firmware(elbow, "host", tmp_path, files)
@@ -323,8 +316,7 @@ def test_emulated_stream_equals_the_host_bit_for_bit(emulated, elbow):
     assert emulated.identical, emulated.first_difference
     assert emulated.steps == STEPS
     # The stream did go through the guards, and through torque.
-    expected = expected_of(elbow, chirp())
-    assert np.count_nonzero(expected["sensor_status"]) > 5
+    assert np.count_nonzero(expected_of(elbow, chirp())["sensor_status"]) > 5
     assert np.abs(emulated.outputs["tau_Nm"]).max() > 1
     for name in ("sequence_gaps", "bad_frames", "unknown_messages", "lost_bytes"):
         assert getattr(emulated, name) == 0
@@ -435,5 +427,4 @@ def test_objects_that_were_kept_give_the_same_image(elbow, image, tmp_path, monk
     assert again.stack_bounds_bytes == image.stack_bounds_bytes
     # Another sensor is another object, and another header makes every object anew.
     build_firmware(elbow, "netduinoplus2", tmp_path / "c", altered(elbow, "0.001f", "0.0011f"))
-    changed = set((tmp_path / "cache").rglob("*.o")) - set(kept)
-    assert 0 < len(changed) < 4
+    assert 0 < len(set((tmp_path / "cache").rglob("*.o")) - set(kept)) < 4

@@ -33,8 +33,7 @@ def application(tmp_path_factory):
 
     def run(*orders: tuple[str | int, ...]) -> list[str]:
         whole = [("start",), *orders]
-        told = [" ".join(map(str, (*o, 0, 0)[:3])) for o in whole]
-        return said_by(program, "\n".join(told))
+        return said_by(program, "\n".join([" ".join(map(str, (*o, 0, 0)[:3])) for o in whole]))
 
     return run
 
@@ -115,8 +114,7 @@ def test_latches_are_released_at_the_tick_that_came_whatever_was_lost(applicatio
 def test_no_latch_is_left_out_after_lost_frames(application, gap, last):
     come = last + gap
     lines = application(*inputs((SENSE, last), (SENSE, come)))
-    at = lines.index(f"release {come}")
-    ticks = released(lines[at:], "latches")
+    ticks = released(lines[lines.index(f"release {come}") :], "latches")
     # Latches fall due at most every five ticks: of the lost ones the last five bring all that was
     # pending, and this tick's own is the last.
     assert ticks[-1] == come

@@ -94,8 +94,7 @@ def test_a_parameter_is_the_nearest_whole_number_of_its_format(elbow, tools, tmp
 def test_a_whole_drive_runs_in_whole_numbers(tools, tmp_path):
     drive = load_device("elbow_drive")
     image = build_firmware(drive, BOARD, tmp_path)
-    inputs = record_drive(drive, TICKS).inputs
-    found = run_tasks_in_emulator(drive, image, inputs)
+    found = run_tasks_in_emulator(drive, image, record_drive(drive, TICKS).inputs)
     assert {t: r.steps for t, r in found.items()} == {"sense": TICKS, "control": TICKS // 5}
     for r in found.values():
         assert r.identical, r.first_difference

@@ -73,8 +73,7 @@ def store_fuzzer(folder: Path, store: Path) -> Path:
 
 
 def test_no_content_of_the_flash_harms_the_store(tmp_path):
-    program = store_fuzzer(tmp_path, FIRMWARE / "app" / "store.c")
-    assert "it failed" not in fuzz(program, 2000, 6100)
+    assert "it failed" not in fuzz(store_fuzzer(tmp_path, FIRMWARE / "app" / "store.c"), 2000, 6100)
 
 
 def test_an_encoder_that_stands_twice_in_a_set_is_one(tmp_path):
@@ -111,8 +110,7 @@ class LinkFuzzer:
 
     def compiled(self, source: Path, *flags: str) -> Path:
         target = self.folder / f"{source.stem}.o"
-        told = said(require_tool("clang"), *flags, *self.flags, "-c", source, "-o", target)
-        assert told == ""
+        assert said(require_tool("clang"), *flags, *self.flags, "-c", source, "-o", target) == ""
         return target
 
 
@@ -146,8 +144,7 @@ def calls(objects: dict[str, Path]) -> dict[str, set[str]]:
     """By file, the other files whose functions or data it uses."""
     names: dict[str, dict[str, set[str]]] = {"T": {}, "U": {}}
     for file, compiled in objects.items():
-        found = re.findall(r" ([TU]) (esea_\w+)", said("nm", compiled))
-        for kind, name in found:
+        for kind, name in re.findall(r" ([TU]) (esea_\w+)", said("nm", compiled)):
             names[kind].setdefault(name, set()).add(file)
     uses: dict[str, set[str]] = {file: set() for file in objects}
     for name, users in names["U"].items():
@@ -157,8 +154,7 @@ def calls(objects: dict[str, Path]) -> dict[str, set[str]]:
 
 
 def test_files_of_the_application_call_each_other_one_way(link_fuzzer):
-    app = {n: o for n, o in link_fuzzer.objects.items() if (FIRMWARE / "app" / n).exists()}
-    uses = calls(app)
+    uses = calls({n: o for n, o in link_fuzzer.objects.items() if (FIRMWARE / "app" / n).exists()})
     assert uses["link.c"] >= {"app.c", "keep.c", "send.c"}
     TopologicalSorter(uses).prepare()
     with pytest.raises(CycleError):
@@ -176,8 +172,7 @@ def test_no_bytes_are_taken_for_a_frame_that_is_none(link_fuzzer):
     sources = (parser, FIRMWARE / "app" / "reader.c", *device, "-lm")
     assert "it failed" not in fuzz(fuzzer(target, *link_fuzzer.flags, *sources), 20000, 64)
     # Armed: signatures are not looked at.
-    blind = fuzzer(target, *link_fuzzer.flags, "-DBLIND", *sources)
-    assert "it failed" in fuzz(blind, 20000, 64)
+    assert "it failed" in fuzz(fuzzer(target, *link_fuzzer.flags, "-DBLIND", *sources), 20000, 64)
 
 
 @pytest.mark.parametrize(

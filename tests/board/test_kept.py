@@ -207,8 +207,7 @@ def test_use_is_counted_and_outlasts_the_power(board):
     board.ticks(5)
     told = kept_use(board).counters
     saves = told.pop("saves")
-    expected = {"starts": 3, "armings": 1, "faults": 2, "watchdog_resets": 1, "active_s": 2}
-    assert told == expected
+    assert told == {"starts": 3, "armings": 1, "faults": 2, "watchdog_resets": 1, "active_s": 2}
     assert saves >= 3  # a start and a fault each
 
 
@@ -278,8 +277,7 @@ def test_a_record_that_is_corrupt_is_told(frozen):
     size = frozen.lib.sim_blackbox_bytes()
     memory = cffi.FFI().buffer(frozen.lib.sim_blackbox_memory(), size)
     memory[36 + 52 * 20 + 30] = bytes([memory[36 + 52 * 20 + 30][0] ^ 4])
-    found = read_blackbox(frozen)
-    assert [k for k, r in enumerate(found.records) if r is None] == [20]
+    assert [k for k, r in enumerate(read_blackbox(frozen).records) if r is None] == [20]
 
 
 def test_it_is_released_by_who_may_command(frozen, tmp_path):

@@ -39,8 +39,7 @@ def keep(board: SimBoard, values: dict[int, float]) -> None:
     """Have the newest set in the flash hold these parameters, by their keys; power off and on."""
     area = board.flash[0]
     size = int.from_bytes(area[8:12], "little")
-    slots = range(0, len(area) - size - 27, size + 28)
-    at = max(k for k in slots if area[k : k + 4] == b"1ASE")
+    at = max(k for k in range(0, len(area) - size - 27, size + 28) if area[k : k + 4] == b"1ASE")
     pairs = b"".join(struct.pack("<If", k, v) for k, v in values.items())
     table = struct.pack("<I", len(values)) + pairs.ljust(8 * 160, b"\0")
     area[at + 24 : at + 24 + len(table)] = table

@@ -204,8 +204,7 @@ def fill(run, session):
 def test_a_stop_of_a_host_that_does_not_read_is_taken_at_once(device, native):
     with daemon(device, [native.elf], "tcp:0") as (run, session):
         deaf = fill(run, session)
-        stop = deaf.dialect.MAV_CMD_USER_4
-        deaf.send(deaf.message("COMMAND_LONG", 1, 1, stop, 0, *[0.0] * 7))
+        deaf.send(deaf.message("COMMAND_LONG", 1, 1, deaf.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7))
         time.sleep(0.3)  # far less than the second for which such a host is borne with
         assert queues(run, session)[1] == 0  # what it said has been read
         deaf.close()
@@ -296,8 +295,7 @@ def test_what_is_kept_outlasts_a_kill(device, native, tmp_path):
         one.save_parameters()
         one.close()
         # Two programs with one memory would spoil it.
-        second = refused(native, "tcp:0", "--keep", kept)
-        assert "cannot keep anything" in second
+        assert "cannot keep anything" in refused(native, "tcp:0", "--keep", kept)
         run.kill()
     with daemon(device, [native.elf], "tcp:0", "--keep", kept) as (_, session):
         assert session().parameter("velocity.bandwidth_Hz") == 20.0

@@ -112,8 +112,7 @@ def test_no_bytes_do_harm_and_what_is_cut_changes_nothing(c, data):
     lib.esea_moteus_heard(b"rcv 100 " + data.replace(b"\0", b"") + b"\0", ffi.new("uint16_t *"),
                           ffi.new("uint8_t[64]"))  # fmt: skip
     length = ffi.new("size_t *")
-    text = lib.esea_moteus_text(data, len(data), length)
-    assert text == ffi.NULL or length[0] + 3 <= len(data)
+    assert lib.esea_moteus_text(data, len(data), length) == ffi.NULL or length[0] + 3 <= len(data)
 
 
 @given(st.binary(min_size=1, max_size=64), st.integers(0, 0xFFFF))
@@ -188,8 +187,7 @@ def test_from_zero_to_torque_and_a_stop(wish_Nm, can):
     with driven(wish_Nm=wish_Nm, can=can) as it:
         assert it.joint.plant.truth()["tau_e_Nm"] == pytest.approx(wish_Nm, abs=0.15)
         assert it.board.info().board.rstrip("\0") == "linux-sim"  # so that it is marked simulated
-        gave = it.joint.drive.torque_Nm
-        assert gave * wish_Nm > 0
+        assert it.joint.drive.torque_Nm * wish_Nm > 0
         it.board.stop()
         it.board.stop()  # the second switches off at once
         it.ticks(2)

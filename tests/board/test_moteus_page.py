@@ -105,8 +105,7 @@ def test_the_firmware_starts_on_the_drives_adapter(folder):
     """Of the emulated one, which without a program prints its address."""
     (command,), (rehearsed,) = commands(ELF), commands("esea-host", "sim-moteus")
     with started(folder, rehearsed[:5], {}) as adapter:
-        at = adapter.stdout.readline().split()[-1]
-        places = {"tcp:5760": "tcp:0", "serial:/dev/ttyACM0": at}
+        places = {"tcp:5760": "tcp:0", "serial:/dev/ttyACM0": adapter.stdout.readline().split()[-1]}
         with started(folder, command, places) as board:
             while "drive: moteus" not in (said := board.stderr.readline()):
                 assert said

@@ -67,8 +67,7 @@ def motor(drivers):
 )
 @pytest.mark.parametrize("turns", [1, -1])
 def test_duty_of_a_torque(drivers, share, duty, turns):
-    motor = Motor(drivers, Nm_A=turns * NM_A)
-    motor.drive(turns * share * NM_A * FULL_A)
+    Motor(drivers, Nm_A=turns * NM_A).drive(turns * share * NM_A * FULL_A)
     assert (drivers.bench.pins[ENABLE], drivers.bench.duties[PWM]) == (True, duty)
 
 
@@ -109,8 +108,7 @@ def test_a_current_that_follows_is_never_a_fault(motor, lag):
 
 @pytest.mark.parametrize("turns", [1, -1])
 def test_either_way_of_turning_and_counting_is_measured_alike(drivers, turns):
-    motor = Motor(drivers, Nm_A=turns * NM_A)
-    assert motor.found(0.2) is None
+    assert Motor(drivers, Nm_A=turns * NM_A).found(0.2) is None
 
 
 def counts_of(current_Nm):

@@ -91,8 +91,7 @@ def test_every_tick_of_a_sensor_on_its_own_clock_is_told_and_is_the_hosts(tmp_pa
     theta_rad = (0.2 * np.sin(np.arange(4000) * 0.013)).astype(np.float32)
     theta_rad[1000::997] = np.nan
     text = ", ".join("0.0f / 0.0f" if np.isnan(x) else f"{float(x).hex()}f" for x in theta_rad)
-    driver = TABLE_DRIVER.format(values=text)
-    image = build_firmware(elbow, BOARD, tmp_path, drivers=driver)
+    image = build_firmware(elbow, BOARD, tmp_path, drivers=TABLE_DRIVER.format(values=text))
     with RunningBoard(elbow, image) as board:
         board.tell("ESEA_SENSE_OUT", 1000)
         runs = told(board, "ESEA_SENSE_OUT", TICKS)
@@ -151,8 +150,7 @@ def test_all_of_a_tasks_values_stream_at_1_kHz_while_parameters_are_read(elbow_d
     with RunningBoard(elbow_drive, drive_image) as board:
         sense, control = board.stream(["sense.*", "control.*"])
         assert (sense.rate_Hz, control.rate_Hz) == (1000, 200)
-        values = board.parameters()
-        assert len(values) == len(elbow_drive.system.tunables)
+        assert len(board.parameters()) == len(elbow_drive.system.tunables)
         assert board.set_parameter("velocity.bandwidth_Hz", 20.0) == 20
         first, second = board.time_sync(), board.time_sync()
         times: dict[str, list[int]] = {sense.task: [], control.task: []}
@@ -256,8 +254,7 @@ def test_the_stack_is_bounded_by_the_sum_of_what_each_priority_may_need(drive_im
 
 
 def test_a_stack_of_unknown_size_is_refused(tmp_path):
-    code = "void sink(char *); void top(int n) { char b[n]; sink(b); }"
-    (tmp_path / "a.c").write_text(code)
+    (tmp_path / "a.c").write_text("void sink(char *); void top(int n) { char b[n]; sink(b); }")
     command = ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-O1", "-fcallgraph-info=su", "-c", "a.c"]
     subprocess.run(command, cwd=tmp_path, check=True)
     with pytest.raises(ValueError, match="top uses a stack of unknown size"):

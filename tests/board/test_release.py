@@ -48,8 +48,7 @@ def stream(program, rows):
 def whole_ranges(program, count):
     rng = np.random.default_rng(3)
     columns = [rng.uniform(p.low, p.high, (count, p.size)) for p in program.inputs]
-    at = [p.name for p in program.inputs].index("mode")
-    columns[at][:] = 1.0
+    columns[[p.name for p in program.inputs].index("mode")][:] = 1.0
     return np.hstack(columns)
 
 

@@ -149,8 +149,7 @@ def test_no_way_leads_to_torque_but_arm_and_on(board):
 
 def test_the_header_is_that_of_the_table():
     """Written by ``python -m esea_gen.emit.states``."""
-    header = (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8")
-    assert header == states_header()
+    assert (firmware_folder() / "app" / "states.h").read_text(encoding="utf-8") == states_header()
 
 
 # -- what it does ----------------------------------------------------------------------------------
@@ -442,8 +441,7 @@ def test_arming_needs_mode_0(ready):
 
 
 def test_a_silent_host_disarms(armed):
-    lost = TIMES_MS["LINK_LOST"][0]
-    armed.ticks(lost - 10)
+    armed.ticks(TIMES_MS["LINK_LOST"][0] - 10)
     assert armed.state_now == "ARMED"
     armed.ticks(10)
     assert armed.state_now == "READY"

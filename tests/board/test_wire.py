@@ -43,8 +43,7 @@ def samples_of(board, stream):
 
 def gaps(samples, interval):
     """Samples that are missing between those that came."""
-    times = [t for s in samples for t in s.times]
-    return sum((b - a) // interval - 1 for a, b in pairwise(times))
+    return sum((b - a) // interval - 1 for a, b in pairwise([t for s in samples for t in s.times]))
 
 
 # -- streams ---------------------------------------------------------------------------------------
@@ -84,8 +83,7 @@ def test_no_sample_waits_longer_than_20_ms_for_others(board):
     assert (fast.rate_Hz, slow.rate_Hz, rare.rate_Hz) == (1000, 200, 10)
     board.ticks(401)
     for stream, every in ((fast, 1), (slow, 5), (rare, 100)):
-        times = [t for s in samples_of(board, stream) for t in s.times]
-        assert set(np.diff(times)) <= {every}
+        assert set(np.diff([t for s in samples_of(board, stream) for t in s.times])) <= {every}
         board.pending()
         board.ticks(401)
 
@@ -232,8 +230,7 @@ def test_the_metadata_is_as_the_standard_has_it(drive):
 
 def test_a_parameter_that_is_set_is_in_the_next_step_and_outlives_reset_and_zeroing(board):
     """The default set by hand gives the same bits, another value others."""
-    rng = np.random.default_rng(4)
-    counts = np.float32(700 + rng.integers(0, 9, 120))
+    counts = np.float32(700 + np.random.default_rng(4).integers(0, 9, 120))
 
     def run(bandwidth_Hz):
         board.restart()
@@ -404,8 +401,7 @@ def test_faults_and_refusals_are_said(board):
     board.want(mode=1.0)
     board.ticks(20)
     assert board.state_now == "FAULT"
-    said = texts(board)
-    assert len([t for t in said if t.startswith("fault ")]) == 1
+    assert len([t for t in texts(board) if t.startswith("fault ")]) == 1
     with pytest.raises(LinkError):
         board.arm()
     assert "command refused in state FAULT" in texts(board)

@@ -124,8 +124,7 @@ def fitted(path, steps_ms, late_ms, drift=20e-6):
     with Recorder(path) as recorder:
         recorder.gap(Gap("sense_out", 1, 2, -1, "disconnected", 1800 * 10**9))
         for host, wall, s in zip(host_ns.tolist(), wall_ns.tolist(), at_s.tolist(), strict=True):
-            event = {"host_ns": host, "board_ns": s * 10**9, "wall_ahead_ns": wall}
-            recorder.event("clock", event)
+            recorder.event("clock", {"host_ns": host, "board_ns": s * 10**9, "wall_ahead_ns": wall})
     with esea_host.open_log(path) as log:
         return clock_fit(log)
 

@@ -189,8 +189,7 @@ STARTS = [
 
 @pytest.mark.parametrize(("start", "u_Nm"), STARTS)
 def test_the_prediction_is_that_of_three_inertias(drive, start, u_Nm):
-    ends = np.array(Horizon(delay_s=0.002).ends_s)
-    true = integrated(drive, start, u_Nm, ends)
+    true = integrated(drive, start, u_Nm, np.array(Horizon(delay_s=0.002).ends_s))
     off = predicted(drive, start, u_Nm, "cable") - true
     rigid = predicted(drive, start, u_Nm, "rigid") - true
     assert rms(off) < 0.03

@@ -120,8 +120,7 @@ def test_a_flag_tells_of_every_clip_of_a_state(drive, name):
     f64 = FORMATS["f64"]
     values, without = evaluate(kernel, f64, given), evaluate(free, f64, given)
     flags = [f.name for f in block.status_port.flags]
-    counted = {f.name for f in block.status_port.flags if f.counted}
-    assert telling <= counted
+    assert telling <= {f.name for f in block.status_port.flags if f.counted}
     bits = sum(1 << flags.index(f) for f in telling)
     word = values[kernel.results[len(block.state) + len(block.outputs) - 1][0]].astype(int)
     clipped = np.zeros(CASES, dtype=bool)

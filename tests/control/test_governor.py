@@ -19,8 +19,7 @@ BEFORE = {"lead": {"share": 0.0}, "smc": {"lead": 2.0, "friction_ahead": 0.0, "s
 
 
 def smoothed(drive, theta, governed):
-    block = smoothed_setpoint(drive)
-    simulator = block.simulator()
+    simulator = smoothed_setpoint(drive).simulator()
     out = []
     for x, share in zip(theta, governed, strict=True):
         plain = {"delta_set_rad": x, "delta_rate_rad_s": 0.1, "delta_acc_rad_s2": 0.2}
@@ -32,8 +31,7 @@ def test_governed_it_is_three_lags_of_70_ms_in_all(drive):
     t = H * np.arange(1500)
     theta = 0.1 * np.sin(2 * np.pi * 1.5 * t)
     y = smoothed(drive, theta, np.ones(1500))
-    lag = 0.07 / 3
-    system = signal.TransferFunction([1], np.poly1d([lag, 1]) ** 3)
+    system = signal.TransferFunction([1], np.poly1d([0.07 / 3, 1]) ** 3)
     _, expected, _ = signal.lsim(system, theta, t)
     # One lag in steps of 1 ms is half a step ahead of the continuous one.
     found, late = y["delta_set_rad"][500:], expected[500:]
@@ -83,8 +81,7 @@ def rms(path, tunables=None, seed=0):
     run = run_case(
         Case("x", path, tunables=tunables or {}), Setting("smc", person="uncertain"), seed
     )
-    error = (run.plant["tau_e_Nm"] - path.tau_desired_Nm)[path.window]
-    return float(np.sqrt(np.mean(error**2)))
+    return float(np.sqrt(np.mean((run.plant["tau_e_Nm"] - path.tau_desired_Nm)[path.window] ** 2)))
 
 
 @pytest.mark.parametrize(
@@ -106,8 +103,7 @@ def test_nothing_else_is_worse():
 
 def test_a_step_overshoots_no_more():
     require_tool("gcc")
-    wanted = np.where(np.arange(4000) >= 1000, 0.5, 0.0)
-    case = Case("step", fixed_output("step", wanted, 1000))
+    case = Case("step", fixed_output("step", np.where(np.arange(4000) >= 1000, 0.5, 0.0), 1000))
     for seed in (0, 1):
         run = run_case(case, Setting("smc"), seed)
         # 6 % before; with the step smoothed as well it is 90.

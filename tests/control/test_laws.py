@@ -123,13 +123,11 @@ def tuning(device, loop, law):
     variant = loop.variant
 
     def with_law(signals, *rest, **more):
-        n = len(signals["mode"])
-        told = signals | {"law": np.broadcast_to(law, n).astype(float)}
+        told = signals | {"law": np.broadcast_to(law, len(signals["mode"])).astype(float)}
         return ClosedLoop.run(loop, told, *rest, **more)
 
     loop.run = with_law
-    setting = Setting("smc,mpc", "real", "none", "f32")
-    return case, run_on(loop, device, variant, case, setting, 0)
+    return case, run_on(loop, device, variant, case, Setting("smc,mpc", "real", "none", "f32"), 0)
 
 
 @pytest.mark.ci
@@ -137,10 +135,8 @@ def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
     assert [law.name for law in both.laws] == ["sliding_mode", "predictive"]
     (case,) = load_study("tuning", ClosedLoopStudy).cases()
     t = np.arange(len(case.trajectory.tau_desired_Nm)) * 1e-3
-    law = ((t >= CHANGE_S[0]) & (t < CHANGE_S[1])).astype(float)
-    case, run = tuning(both, loop, law)
-    held = run.controller["law_held"]
-    assert set(held.tolist()) == {0.0, 1.0}
+    case, run = tuning(both, loop, ((t >= CHANGE_S[0]) & (t < CHANGE_S[1])).astype(float))
+    assert set(run.controller["law_held"].tolist()) == {0.0, 1.0}
     u, window = (
         run.controller["u_Nm"],
         slice(int(1e3 * CHANGE_S[0]) - 100, int(1e3 * CHANGE_S[1]) + 200),

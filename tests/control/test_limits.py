@@ -58,8 +58,7 @@ def brisk_runners(brisk) -> dict[str, CRunner]:
 @settings(max_examples=40)
 @given(st.lists(EVENT, max_size=9))
 def test_any_stream_against_a_plain_state_machine(brisk_runners, real, events):
-    x = stream_of(events)
-    against_plain_limits(brisk_runners[real], x, BRISK, TIES[real], ERRORS[real])
+    against_plain_limits(brisk_runners[real], stream_of(events), BRISK, TIES[real], ERRORS[real])
 
 
 @settings(max_examples=30)
@@ -142,8 +141,7 @@ def test_speed_lets_only_braking_by(runners, real, name, sign):
             y = ran(runners[real], x)
             expected = most * SHIPPED.u if push * sign > 0 else SHIPPED.u
             assert abs(y["u_Nm"][-1]) == pytest.approx(expected, abs=1e-6)
-            limited = bool(y["status"][-1] & BIT["SPEED_LIMITED"])
-            assert limited == (push * sign > 0 and most < 1)
+            assert bool(y["status"][-1] & BIT["SPEED_LIMITED"]) == (push * sign > 0 and most < 1)
             assert y["fault"][-1] == 0
 
 
@@ -254,8 +252,7 @@ def test_a_silent_control_task(runners, real):
     x = calm()
     last = 99 // DELIVER * DELIVER  # ticks 95 to 99 hold the last delivery
     x["control_beat"][95:] = x["control_beat"][last]
-    y = ran(runners[real], x)
-    assert np.flatnonzero(y["fault"] == Fault.CONTROL_STALE)[0] == 95 + 25
+    assert np.flatnonzero(ran(runners[real], x)["fault"] == Fault.CONTROL_STALE)[0] == 95 + 25
     # Four deliveries missing are let pass, five not.
     for missing, latches in ((4, False), (5, True)):
         x = calm()
@@ -270,11 +267,9 @@ def test_a_silent_control_task(runners, real):
 def test_it_starts_latched_and_needs_a_request_it_has_not_seen(runners, real):
     x = calm()
     x["rearm"][:] = 5  # a counter that stands anywhere is no request
-    y = ran(runners[real], x)
-    assert np.all(y["fault"] == Fault.NOT_ARMED)
+    assert np.all(ran(runners[real], x)["fault"] == Fault.NOT_ARMED)
     x["rearm"][3:] = 6
-    y = ran(runners[real], x)
-    assert np.flatnonzero(y["fault"] == 0)[0] == 3
+    assert np.flatnonzero(ran(runners[real], x)["fault"] == 0)[0] == 3
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -325,8 +320,7 @@ def test_stop_wins_over_a_request_in_the_same_tick(runners, real):
     x["stop"][AT:] = 1
     recover(x, 120)
     x["stop"][AT:] = 1
-    y = ran(runners[real], x)
-    assert np.all(y["fault"][AT:] == Fault.STOP)
+    assert np.all(ran(runners[real], x)["fault"][AT:] == Fault.STOP)
     # While released a request changes nothing, and a stop is taken in any mode.
     x = calm()
     x["rearm"][50:] = 2
@@ -343,8 +337,7 @@ def test_the_first_reason_stays(runners, real):
     x["tau_Nm"][AT] = 9.0
     x["stop"][AT + 1 :] = 1
     x["theta_rad"][AT + 2 :] = np.nan
-    y = ran(runners[real], x)
-    assert np.all(y["fault"][AT:] == Fault.TORQUE)
+    assert np.all(ran(runners[real], x)["fault"][AT:] == Fault.TORQUE)
     x = calm()
     x["tau_Nm"][AT], x["omega_load_rad_s"][AT], x["theta_rad"][AT] = 9.0, 11.0, 0.32
     assert ran(runners[real], x)["fault"][AT] == Fault.DEFLECTION  # the smallest number
@@ -386,8 +379,7 @@ def test_every_flag_and_every_fault_is_reached(drive, brisk_runners):
     for disturbed, coefficient in ((state, None), (saved, np.nan)):
         runner.state = disturbed
         if coefficient is not None:
-            memory = np.frombuffer(runner.coefficient_memory, saved.dtype["u_last_Nm"])
-            memory[0] = coefficient
+            np.frombuffer(runner.coefficient_memory, saved.dtype["u_last_Nm"])[0] = coefficient
         y, _ = runner.run({k: v[AT:] for k, v in calm().items()})
         reached |= int(np.bitwise_or.reduce(y["status"]))
         faults |= set(y["fault"].astype(int))

@@ -210,8 +210,7 @@ def test_through_the_latches_of_two_tasks(drive, dies):
     faults = []
     for k in range(200):
         simulator.release(k)
-        y = simulator.step("sense", **{n: float(x[n][k]) for n in names})
-        faults.append(y["fault"])
+        faults.append(simulator.step("sense", **{n: float(x[n][k]) for n in names})["fault"])
         if k % 5 == 0 and not (dies == "silent" and k >= 100):
             wrong = dies == "nan" and k >= 100
             simulator.step("control", u_command_Nm=np.nan if wrong else float(x["u_command_Nm"][k]))

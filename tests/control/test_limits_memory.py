@@ -73,8 +73,7 @@ def test_no_flipped_bit_ends_the_latch(runners, real, since_start):
     prepared = runner.state
     after = quiet(8)
     after["rearm"][:] = before["rearm"][-1]
-    beats = before["control_beat"][-1] + 1 + np.arange(8) // 4
-    after["control_beat"] = single(beats)
+    after["control_beat"] = single(before["control_beat"][-1] + 1 + np.arange(8) // 4)
     tried = 0
     for what, state in flips(runner, prepared):
         runner.state = state
@@ -142,8 +141,7 @@ def test_corrupt_state_is_a_fault_that_a_person_can_clear(runners, real):
             x = calm()
             recover(x, 140)
             runner = runners[real]
-            head = ran(runner, {k: v[:AT] for k, v in x.items()})
-            assert head["fault"][-1] == 0
+            assert ran(runner, {k: v[:AT] for k, v in x.items()})["fault"][-1] == 0
             runner.put_state({port.name: np.full(port.size, bad)})
             y, _ = runner.run({k: v[AT:] for k, v in x.items()})
             assert y["status"][0] & BIT["STATE_REPAIRED"]

@@ -75,8 +75,7 @@ def test_any_narrowing_against_a_plain_state_machine(runners, real, values, even
 @pytest.mark.parametrize("window_s", [0.05, 0.055, 0.0501, 0.033, 0.0105])
 def test_a_window_that_no_slot_divides_is_covered_whole(drive, window_s):
     # All that was given within the window counts: slots are rounded up, by a slot at most.
-    device = changed(drive, energy_window_s=window_s)
-    simulator = limits(device).simulator()
+    simulator = limits(changed(drive, energy_window_s=window_s)).simulator()
     ticks = int(np.ceil(round(window_s * 1e3, 6)))
     slot = int(np.ceil(round(window_s * 1e2, 6)))
     for start in range(STEPS - 160, STEPS - 130):

@@ -125,8 +125,7 @@ def test_what_swings_is_refused_and_the_fix_is_taken(changes):
     assert f"below {LEAST_DAMPING:g}" in text
     named = re.search(r"lambda_1_s from [0-9.]+ to ([0-9.]+) 1/s", text)
     assert named
-    slope = float(named[1])
-    law.sliding_mode(variant(**(changes | {"sliding_mode__lambda_1_s": slope})))
+    law.sliding_mode(variant(**(changes | {"sliding_mode__lambda_1_s": float(named[1])})))
 
 
 @pytest.mark.parametrize(("cutoff_Hz", "h"), [(30.0, 1e-3), (10.0, 5e-3), (60.0, 1e-3)])

@@ -61,8 +61,7 @@ def test_sound_encoders_are_not_doubted(bits):
     # Rest, and a quarter, a half and one count of 12 bits in a tick.
     paths += [0.2 + 1e-3 * np.arange(1000) * v for v in (0.0, 0.383495, 0.76699, 1.5339808)]
     for k, path in enumerate(paths):
-        found = doubted(device, path, noise_rad=0.00105 * (k % 2), seed=k, change=wild)
-        assert not found.any(), k
+        assert not doubted(device, path, noise_rad=0.00105 * (k % 2), seed=k, change=wild).any(), k
 
 
 def test_a_push_at_the_limit_and_a_movement_to_and_fro_are_no_swings(drive):
@@ -112,11 +111,9 @@ def test_a_stuck_bit_of_the_motors_encoder_is_found_within_four_times_its_weight
     def change(count):
         return count - count // 2**bit % 2 * 2**bit + value * 2**bit
 
-    ticks = np.arange(2000)
-    path = 0.7 + 74 * way * 0.05e-3 * ticks
+    path = 0.7 + 74 * way * 0.05e-3 * np.arange(2000)
     assert not doubted(drive, path, side="gear").any()
-    found = doubted(drive, path, change=change, side="gear")
-    first = np.flatnonzero(found == STUCK)[0]
+    first = np.flatnonzero(doubted(drive, path, change=change, side="gear") == STUCK)[0]
     assert abs(path[first] - path[0]) * 2**17 / (2 * math.pi) <= 4 * 2**bit
 
 
@@ -142,6 +139,5 @@ def test_the_motors_own_encoder_is_rough_beyond_what_the_drive_can_do(drive, way
 @pytest.mark.parametrize(("rate_Hz", "seconds"), [(20, 1.0), (13, 3.0)])
 def test_a_command_that_swings_is_found_in_the_time_that_is_stated(drive, rate_Hz, seconds):
     t = 1e-3 * np.arange(4000)
-    u = 0.221 * np.sign(np.sin(2 * np.pi * rate_Hz * t))
-    found = swung(drive, u)
+    found = swung(drive, 0.221 * np.sign(np.sin(2 * np.pi * rate_Hz * t)))
     assert 0.3 < t[np.flatnonzero(found == SWINGS)[0]] <= seconds

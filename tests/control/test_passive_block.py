@@ -170,8 +170,7 @@ def runaway(
 
 
 def random_commands(seed: int):
-    rng = np.random.default_rng(seed)
-    held = rng.uniform(-U_MAX, U_MAX, 2000)
+    held = np.random.default_rng(seed).uniform(-U_MAX, U_MAX, 2000)
     return lambda k, speed: held[k // 5] if seed % 2 else math.copysign(abs(held[k // 7]), speed)
 
 
@@ -200,8 +199,7 @@ BLIND = {
 def test_what_is_not_seen_counts_as_the_most_that_it_can_be(drive, name):
     """Else a drive whose samples are bad would go on for good."""
     for law in ("all there is", "always along", "random 1"):
-        found = runaway(drive, LAWS[law], blind=BLIND[name])
-        assert np.max(found) <= ENERGY_J * (1 + 1e-6)
+        assert np.max(runaway(drive, LAWS[law], blind=BLIND[name])) <= ENERGY_J * (1 + 1e-6)
 
 
 def test_motion_that_is_lost_unseen_may_be_the_limbs(drive):
@@ -271,8 +269,7 @@ def test_what_a_tick_gives_and_what_the_lag_still_holds_make_the_command():
     """
     h, tau, late, v, m, u = sp.symbols("h tau t v m u", positive=True)
     a = sp.exp(-h / tau)
-    torque = m + (v - m) * sp.exp(-u / tau)
-    work = sp.integrate(torque, (u, 0, h))
+    work = sp.integrate(m + (v - m) * sp.exp(-u / tau), (u, 0, h))
     after = m + (v - m) * a
     assert sp.simplify(work + tau * (after - v) - h * m) == 0
     rest = late * (after - v)

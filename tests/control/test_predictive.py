@@ -51,8 +51,7 @@ class Plain:
             self.numbers(e)
 
     def numbers(self, e):
-        count = int(e.stops.value)
-        self.radius = [e.omega_rad.value * (i + 1) for i in range(count)]
+        self.radius = [e.omega_rad.value * (i + 1) for i in range(int(e.stops.value))]
         self.weight = [
             e.alpha_Nm_rad.value * math.exp(-e.beta_1_rad.value * x) for x in self.radius
         ]
@@ -118,8 +117,7 @@ class Plain:
             a.fv_Nms_rad.value + a.fc_Nm.value / a.coulomb_width_rad_s.value * (1 - sig**2)
         ) / inertia
         om_2 = om - h * drag / (1 + h / 2 * stiff)
-        delta = s["delta"] + h * ((om + om_2) / 2 - ol)
-        memory = self.remember(s, delta, h)
+        memory = self.remember(s, s["delta"] + h * ((om + om_2) / 2 - ol), h)
         tau = self.torque(memory)
         return {
             **memory,
@@ -165,8 +163,7 @@ class Plain:
             weight, length = math.sqrt(many), many * hz.interval_s
             efforts.append(weight * math.sqrt(self.r) / self.a.tau_c_s.value * (u - s["u_a"]))
             for _ in range(hz.substeps):
-                middle = end + 0.5 * length
-                s = self.advance(s, u, human(middle), d4, length / hz.substeps)
+                s = self.advance(s, u, human(end + 0.5 * length), d4, length / hz.substeps)
             end += length
             wanted = np.broadcast_to(given["tau_d_Nm"], hz.intervals)[k]
             e = self.torque(s) - wanted
@@ -313,8 +310,7 @@ def runners(program):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_sensitivities_and_command_against_a_second_derivation(drive, seed):
-    smooth = check_linearisation(drive, Horizon(6, long_intervals=3), seed)
-    assert np.mean(smooth) > 0.9
+    assert np.mean(check_linearisation(drive, Horizon(6, long_intervals=3), seed)) > 0.9
 
 
 @pytest.mark.ci
@@ -339,8 +335,7 @@ def test_any_grid_delay_weights_and_option(
     delay_s = round(late * min(0.1, n * interval_s), 4)
     horizon = Horizon(n, interval_s, substeps, delay_s, min(longer, n - 1))
     law = {"Kp": 1.5, "Kd": 0.25} if impedance else {}
-    device = load_device("elbow_drive")
-    check_linearisation(device, horizon, seed, q, r, preview, law, person)
+    check_linearisation(load_device("elbow_drive"), horizon, seed, q, r, preview, law, person)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -373,8 +368,7 @@ def mass_on_a_rail(n: int, **more) -> Model:
     """A made-up plant without memory: a mass with drag; two errors and a quadratic drag term."""
 
     def substep(t: Tape, h, x, u, p, w):
-        force = t.let("force", u - p.drag * x.v * ca.sqrt(x.v**2 + 1))
-        v = t.let("v_next", x.v + h * force)
+        v = t.let("v_next", x.v + h * t.let("force", u - p.drag * x.v * ca.sqrt(x.v**2 + 1)))
         return {"s": x.s + h * v, "v": v}
 
     return Model(
@@ -425,14 +419,11 @@ def test_a_made_up_linear_plant_has_the_closed_solution(n):
     rows, want = np.vstack([*rows, 0.1 * np.eye(n)]), np.append(want, np.zeros(n))
     for real, off, lost in (("f64", 1e-9, 1e-12), ("f32", 3e-4, 1e-5)):
         runner = compiled(program, real)
-        out = runner.step(**given)
-        assert out["status"] == 0
+        assert runner.step(**given)["status"] == 0
         plan = runner.state["plan"][0].astype(float)
         # First-order conditions prove the minimum of a strictly convex problem.
         gradient = rows.T @ (rows @ plan - want)
-        scale = np.diag(rows.T @ rows)
-        step_left = np.clip(plan - gradient / scale, -1, 1) - plan
-        assert np.max(np.abs(step_left)) < off
+        assert np.max(np.abs(np.clip(plan - gradient / np.diag(rows.T @ rows), -1, 1) - plan)) < off
         assert np.any(np.abs(plan) == 1)
         if real == "f64":
             best, double = np.sum((rows @ plan - want) ** 2), runner
@@ -451,8 +442,7 @@ def test_nothing_invalid_passes(drive, program, runners, real):
     rng = np.random.default_rng(2)
     runner = runners[real]
     limit = program.outputs[0].high
-    fields = [p.name for p in program.inputs]
-    for name in fields:
+    for name in [p.name for p in program.inputs]:
         for value in SPECIAL:
             given = situation(rng, drive, program)
             if np.ndim(given[name]):
@@ -465,8 +455,7 @@ def test_nothing_invalid_passes(drive, program, runners, real):
             assert out["u_Nm"] == 0.0, (name, value)
             assert out["status"] & BIT["INPUT_INVALID"]
             assert not np.any(runner.state["plan"])
-            good = runner.step(**situation(rng, drive, program))
-            assert good["status"] == 0
+            assert runner.step(**situation(rng, drive, program))["status"] == 0
     for field in runner.state.dtype.names:
         for value in SPECIAL:
             given = situation(rng, drive, program)

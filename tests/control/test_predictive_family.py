@@ -137,8 +137,7 @@ class FamilyPlain(Plain):
 
     @classmethod
     def drawn(cls, rng, device, delta: float) -> dict:
-        block = rubber_sensor(device)
-        simulator = block.simulator()
+        simulator = rubber_sensor(device).simulator()
         motion = moves(rng, 0.5, device.period_s)
         motion += (delta - motion[-1]) * np.linspace(0, 1, len(motion)) ** 2
         out, _ = simulator.run({"theta_rad": motion, "omega_rad_s": 0 * motion})
@@ -154,8 +153,7 @@ class FamilyPlain(Plain):
     def remember(self, s: dict, delta, h: float) -> dict:
         block = sensor_at(self.device, h)
         memory = dict(s["rubber"]) | {"primed": 1.0, "theta_prev_rad": s["delta"]}
-        given = [ca.SX(memory[p.name]) for p in block.state]
-        found = block.step(*given, delta, ca.SX(0))
+        found = block.step(*[ca.SX(memory[p.name]) for p in block.state], delta, ca.SX(0))
         kept = {p.name: x for p, x in zip(block.state, found, strict=False)}
         return {"delta": delta, "rubber": kept, "tau": found[len(block.state)]}
 
@@ -166,8 +164,7 @@ class FamilyPlain(Plain):
 def test_sensitivities_and_command_against_the_sensor_as_plant(devices, name, seed):
     """Jacobian, Hessian, command; and the Jacobian against central differences."""
     horizon = Horizon(intervals=4, substeps=2, delay_s=0.002)
-    smooth = check_linearisation(devices[name], horizon, seed, plain=FamilyPlain)
-    assert np.mean(smooth) > 0.8
+    assert np.mean(check_linearisation(devices[name], horizon, seed, plain=FamilyPlain)) > 0.8
 
 
 @pytest.mark.parametrize("name", ["every", "bearing"])

@@ -85,15 +85,13 @@ def test_the_bound_of_a_box_qp_on_every_core(core):
     costs = [cost_on(box_qp(n), core).bound.instructions for n in sizes]
     assert costs == sorted(costs)
     # Straight parts alone: a cap of 0 takes one pass through the search, not a third of one.
-    none = cost_on(box_qp(5, cap=0), core).bound.instructions
-    assert none < 0.5 * costs[1]
+    assert cost_on(box_qp(5, cap=0), core).bound.instructions < 0.5 * costs[1]
 
 
 def test_what_cannot_be_bounded_is_an_error(tmp_path):
     require_tool("arm-none-eabi-gcc")
     renderer = render_program(box_qp(3), "f32")
-    elf = build_program(renderer, tmp_path, "Cortex-M4F", entry_files(renderer))
-    functions = disassemble(elf)
+    functions = disassemble(build_program(renderer, tmp_path, "Cortex-M4F", entry_files(renderer)))
     name = "esea_program_box_qp_step"
     assert blocks_of(name, functions)
     i = functions[name][1]

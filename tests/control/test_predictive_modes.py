@@ -30,8 +30,7 @@ def swing_in_c(inertia_kgm2: float, damping_Nms_rad: float, spring_Nm_rad: float
     angle = angle - np.mean(angle)
     ups = np.nonzero((angle[:-1] < 0) & (angle[1:] >= 0))[0]
     peaks = [np.max(angle[a:b]) for a, b in itertools.pairwise(ups)]
-    growth = np.polyfit(ups[:-1] * 1e-3, np.log(peaks), 1)[0]
-    return growth, 1e3 / np.mean(np.diff(ups))
+    return np.polyfit(ups[:-1] * 1e-3, np.log(peaks), 1)[0], 1e3 / np.mean(np.diff(ups))
 
 
 @pytest.mark.parametrize("hand", [(0.1, 0.0, 30.0), (0.1, 0.0, 1000.0), (0.2, 0.5, 100.0)])

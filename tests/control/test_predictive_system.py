@@ -55,8 +55,7 @@ def small():
 
 
 def test_the_parabola_is_the_least_squares_fit():
-    rng = np.random.default_rng(0)
-    past = rng.normal(size=11)  # newest first
+    past = np.random.default_rng(0).normal(size=11)  # newest first
     t = -0.05 * np.arange(11)
     wanted = np.polyfit(t, past, 2)[::-1]
     assert parabola_weights() @ past == pytest.approx(wanted, rel=1e-9)
@@ -91,8 +90,7 @@ AS_IT_IS = {"wish_gain": 1.0, "wish_shift_Nm": 0.0}
 
 
 def test_a_known_future_starts_where_the_torque_is(small):
-    z = Horizon(4, 0.02, 2, 0.002)
-    simulator = ahead(small, z, given=True, one_layer=True).simulator()
+    simulator = ahead(small, Horizon(4, 0.02, 2, 0.002), given=True, one_layer=True).simulator()
     future = np.array([0.5, 0.6, 0.7, 0.8])
     out = simulator.step(
         **wanted(offset_Nm=-1.2, **AS_IT_IS),
@@ -116,8 +114,7 @@ def test_a_known_future_starts_where_the_torque_is(small):
 
 
 def test_an_invalid_future_turns_it_off(small):
-    system = small.system
-    block = system.blocks["ahead"]
+    block = small.system.blocks["ahead"]
     given_now = {p.name: np.zeros(p.size) if p.size > 1 else 0.5 for p in block.inputs}
     given_now |= {"mode": 1.0, "tau_range_Nm": 3.0} | AS_IT_IS
     assert block.simulator().step(**given_now)["mode"] == 1
@@ -135,8 +132,7 @@ def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
     n = 1500
     rest = np.zeros(n)
     path = Trajectory("on", rest, rest, rest, rest + 2.0, 1000, n, True)
-    run = run_case(Case("on", path), Setting("mpc", "real", "none"), 0)
-    tau = run.plant["tau_e_Nm"]
+    tau = run_case(Case("on", path), Setting("mpc", "real", "none"), 0).plant["tau_e_Nm"]
     assert abs(tau[500]) < 0.02
     for after_s in (0.2, 0.4, 0.8):
         wanted_Nm = 2.0 * (1 - np.exp(-after_s / 0.2))

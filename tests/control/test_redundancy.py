@@ -108,8 +108,7 @@ def test_encoders_whose_turns_cannot_be_counted_are_refused():
 
 
 def test_a_device_without_the_section_has_two_encoders_and_a_drive_with_it_three(drive):
-    text = drive.toml()
-    bare = parse_device(without(text, "redundancy", "cable"), "bare.toml")
+    bare = parse_device(without(drive.toml(), "redundancy", "cable"), "bare.toml")
     names = {x.name for x in bare.system.inputs}
     assert "count_gear" not in names
     assert {"redundancy", "gear", "encoder_gear"} & set(bare.system.blocks) == set()
@@ -131,8 +130,7 @@ def test_with_one_frame_lost_the_way_must_still_be_told(speed, taken):
     assert (2 * counts < FULL / 2) is taken
     device = mine(f"[actuator]\nomega_max_rad_s = {q(speed)}\n")
     if taken:
-        block = gear_encoder(device)
-        assert {c.name: c.value for c in block.constants}["held_max"] == 1
+        assert {c.name: c.value for c in gear_encoder(device).constants}["held_max"] == 1
     else:
         with pytest.raises(UserError, match="the direction would be ambiguous"):
             gear_encoder(device)

@@ -68,8 +68,7 @@ def test_a_step_of_the_reference(drive):
     joined = where(changed, s.tau_set_Nm - law, s.offset_Nm) * c.keep
     offset = where(changed & (s.mode_last < 0.5), u.tau_Nm - law, joined)
     wanted = where(mode > 0, law + offset, u.tau_Nm)
-    limited = clip(wanted, -c.tau_range_Nm, c.tau_range_Nm)
-    tau_set = where(run.ok, limited, s.tau_set_Nm)
+    tau_set = where(run.ok, clip(wanted, -c.tau_range_Nm, c.tau_range_Nm), s.tau_set_Nm)
     clipped = run.ok & (abs(wanted) > c.tau_range_Nm)
     run.compare(
         {

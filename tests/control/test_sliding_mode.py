@@ -187,8 +187,7 @@ def test_sympy_derives_the_plants_solution():
     number = float(u.subs({s: values[s.name] for s in u.free_symbols}))
     omega_dot = (N * number - FV * 0.7 - FC * math.tanh(14.0) - 1.3) / J - 0.4
     assert 2.5 - omega_dot + 18 * -0.3 + 81 * 0.02 == pytest.approx(0, abs=1e-12)
-    names = {s.name for s in switching_gain().free_symbols}
-    assert names == {
+    assert {s.name for s in switching_gain().free_symbols} == {
         *("a_w", "d_4", "omega_m", "w_c", "n", "J_unc", "J_max", "eta"),
         *("f_v,unc", "f_c,unc", "tau_e,unc"),
     }
@@ -313,8 +312,7 @@ def test_impedance_is_a_passive_spring_and_damper(drive):
             | {"omega_load_rad_s": omega, "tau_Nm": torque}
         )
         if k > 4000:
-            expected = 1.5 * (1.0 - theta) - 0.25 * omega
-            assert y["tau_set_Nm"] == pytest.approx(expected, abs=1e-6)
+            assert y["tau_set_Nm"] == pytest.approx(1.5 * (1.0 - theta) - 0.25 * omega, abs=1e-6)
             energy.append(0.5 * JH * omega**2 + 0.75 * (theta - 1.0) ** 2)
         torque = y["tau_set_Nm"]
         omega += H * torque / JH
@@ -331,8 +329,7 @@ def test_change_of_mode_starts_at_the_measured_torque_and_blends(drive):
     on = [simulator.step(**inputs_of(block, tau_desired_Nm=3.0, tau_Nm=0.7)) for _ in range(500)]
     got = np.array([y["tau_set_Nm"] for y in on])
     assert got == pytest.approx(3.0 - 2.3 * np.exp(-np.arange(500) * H / 0.1), abs=1e-9)
-    flags = [y["status"] & bits(block).ENTERED for y in on]
-    assert np.flatnonzero(flags).tolist() == [0]
+    assert np.flatnonzero([y["status"] & bits(block).ENTERED for y in on]).tolist() == [0]
     # To impedance: from where it was set, whatever is measured.
     last = got[-1]
     u = inputs_of(block, mode=2.0, theta_desired_rad=0.5, tau_Nm=2.2)

@@ -51,8 +51,7 @@ def test_what_counts_as_a_swing(drive):
 def test_a_step_softens_nothing_and_a_swing_is_forgotten(drive):
     block = sliding_mode(drive)
     t = np.arange(400) * TS
-    still = np.concatenate([np.zeros(50), 0.04 * np.exp(-t / 0.1)])
-    assert not softness(block, still).any()
+    assert not softness(block, np.concatenate([np.zeros(50), 0.04 * np.exp(-t / 0.1)])).any()
     swing = 0.02 * np.sin(2 * np.pi * 6 * t)
     found = softness(block, np.concatenate([swing, np.zeros(4000)]))
     assert found[399] == 1

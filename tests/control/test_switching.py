@@ -61,8 +61,7 @@ def test_equal_laws_change_next_to_nothing(run, at):
     kept = run(wanted)
     mode[at:] = 2
     changed = run(wanted, mode=mode)
-    jump = np.abs(np.diff(changed.controller["tau_set_Nm"]))[at - 1]
-    assert jump < 2e-3
+    assert np.abs(np.diff(changed.controller["tau_set_Nm"]))[at - 1] < 2e-3
     assert np.all(changed.controller["mode_held"][at:] == 2)
     apart = np.abs(changed.plant["tau_e_Nm"] - kept.plant["tau_e_Nm"])
     assert np.max(apart[:at]) == 0
@@ -94,8 +93,7 @@ def test_an_invalid_wish_stops_at_once_and_for_good(run, name, bad):
 
 
 def test_it_goes_on_only_off_and_rearmed(run):
-    wanted = sine(2.0, 0.6)
-    broken = wanted.copy()
+    broken = sine(2.0, 0.6).copy()
     broken[3000] = np.nan
     t = np.arange(TICKS)
     mode = np.where(t < 60, 0.0, 1.0)

@@ -114,8 +114,7 @@ def test_the_tuning_case_is_followed_without_a_future():
 @pytest.mark.ci
 def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
     require_tool("gcc")
-    wanted = np.where(np.arange(2500) >= 1000, 0.5, 0.0)
-    case = Case("step", fixed_output("step", wanted, 1000))
+    case = Case("step", fixed_output("step", np.where(np.arange(2500) >= 1000, 0.5, 0.0), 1000))
     runs = [run_case(case, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])
     assert 0 < runs[0].plant["tau_e_Nm"][1000:].max() - 0.5 < 0.1

@@ -109,8 +109,7 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
         assert words in said["sliding_mode"]
     assert "esea-gen passivity --controller mine.toml" in said["passivity"]
     given = {"lambda_1_s": 15.0, "phi_rad_s": 1.5}
-    fast = {"control_rate_Hz": 500.0}
-    assert set(told(own(timing=fast, sliding_mode=given))) == {"passivity"}
+    assert set(told(own(timing={"control_rate_Hz": 500.0}, sliding_mode=given))) == {"passivity"}
     # A copy that was edited has the elbow's weights of predictive control as well.
     copied = copy_device(load_device("elbow_mpc"), "mine").toml()
     assert told(copied) == {}

@@ -64,8 +64,7 @@ def test_a_drive_reads_back_equal_and_conforms_to_the_schema(name):
 
 
 def test_it_reads_back_equal_and_has_its_file_name(device):
-    again = parse_device(device.toml(), "again.toml")
-    assert again.digest == device.digest
+    assert parse_device(device.toml(), "again.toml").digest == device.digest
     assert device.origin == f"{device.name}.toml"
     for key, q in device.quantities():
         assert q.source, key

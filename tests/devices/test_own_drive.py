@@ -50,8 +50,7 @@ def test_no_zero_is_taken_over(base):
     for device in (parse_device(head, "mine.toml"), copy_device(load_device(base), "mine")):
         sides = device.file.encoder.motor, device.file.encoder.load
         assert [side.zero_rad for side in sides] == [None, None]
-    load = parse_device(head + zero, "mine.toml").file.encoder.load
-    assert load.zero_rad.value == 0.1
+    assert parse_device(head + zero, "mine.toml").file.encoder.load.zero_rad.value == 0.1
     assert load_device(base).file.encoder.load.zero_rad is None  # C without a zero does not arm
 
 
@@ -62,8 +61,7 @@ def test_a_board_whose_encoders_have_no_zero_does_not_arm():
 
     board = SimBoard(parse_device(own(), "mine.toml"))
     try:
-        off = round(3 / 360 * 2**12)
-        board.measure(count_motor=0, count_load=off, count_gear=0)
+        board.measure(count_motor=0, count_load=round(3 / 360 * 2**12), count_gear=0)
         board.ticks(50)
         assert board.state_now == "UNREFERENCED"
         with pytest.raises(LinkError, match="UNREFERENCED"):

@@ -51,8 +51,7 @@ def test_a_board_is_zeroed_moves_and_replays_bit_for_bit(board, tmp_path):
     with device.record(tmp_path / "r.mcap"):
         device.advance(6.0)
     with open_log(tmp_path / "r.mcap") as log:
-        verdict = verify(log)
-        assert verdict.proven
+        assert verify(log).proven
         for axis in board.axes:
             rows = log[f"{of_axis('sense', axis)}_out"]
             assert rows[of_axis("sensing_ok", axis)].all() if board.passive else len(rows)

@@ -194,8 +194,7 @@ def test_one_steps_errors_hold_a_millionth_of_the_width_beyond_each_range(low, h
 
 def test_what_a_word_alone_decides_is_no_assumption():
     def step(c, s, u, g, label):
-        steep = 0.7 * u.x_rad > 0.3
-        return {}, {"y_rad": u.x_rad, "flags": flag_word([steep, u.x_rad > 0.25])}
+        return {}, {"y_rad": u.x_rad, "flags": flag_word([0.7 * u.x_rad > 0.3, u.x_rad > 0.25])}
 
     flags = (Flag("STEEP", "is steep"), Flag("MORE", "is more"))
     outputs = (Port("y_rad", -1, 1, "y"), Port("flags", 0, 3, "word", flags=flags))
@@ -269,8 +268,7 @@ def test_counts_that_lead_to_each_other_are_whole_only_together():
     ],
 )
 def test_what_enters_linearly(expression, linear):
-    kernel = walk(ca.Function("f", [K, X, Y], [expression]))
-    assert is_linear(kernel, 1) is linear
+    assert is_linear(walk(ca.Function("f", [K, X, Y], [expression])), 1) is linear
 
 
 def pair(primed: bool = False, bend: float = 0.0, mode: bool = False) -> Block:
@@ -331,8 +329,7 @@ def test_the_matrix_is_of_the_states_alone_each_by_its_place():
     d = np.array([1e-7, 2e-7, 3e-7])
     powers = [np.abs(np.linalg.matrix_power(np.array(wanted), k)) @ d for k in range(200)]
     (a,), b = linear_bound(block, [[1e-7], [2e-7, 3e-7]])
-    total = np.sum(powers, axis=0)
-    assert [a, *b] == pytest.approx((total * 1.000001).tolist(), rel=1e-10, abs=0)
+    assert [a, *b] == pytest.approx((np.sum(powers, axis=0) * 1.000001).tolist(), rel=1e-10, abs=0)
 
 
 # -- fixed point -----------------------------------------------------------------------------------
@@ -347,8 +344,7 @@ def solved(jump: float) -> Block:
     def step(c, s, u, g, label):
         y = label("y_rad", 1e5 * u.x_rad - 99999.2 * u.x_rad)
         off = label("residual", SLOPE * y - u.x_rad)
-        between = label("between", y + 1.0)
-        out = {"y": y, "off": 2 * off, "z": 0.7 * between, "w": 0.3 * (s.m + y)}
+        out = {"y": y, "off": 2 * off, "z": 0.7 * label("between", y + 1.0), "w": 0.3 * (s.m + y)}
         return {"m": 0.5 * y}, out | {"status": flag_word([ca.fabs(off) > MOST])}
 
     outputs = (

@@ -293,8 +293,7 @@ def essential_type_findings(where: Path, file: str) -> list[str]:
         *(require_tool("cppcheck"), "--addon=misra", "--std=c99", "--quiet"),
         *("--template={id} {file}:{line}", file),
     ]
-    done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False)
-    said = done.stderr
+    said = subprocess.run(command, cwd=where, capture_output=True, text=True, check=False).stderr
     if "misra-c2012" not in said and not Path("/usr/lib/x86_64-linux-gnu/cppcheck/addons").exists():
         pytest.skip("cppcheck has no MISRA addon here")
     # Rules 10.3 and 10.5: a truth value as a number, a number as a truth value.

@@ -150,8 +150,7 @@ def test_the_last_bit_of_a_memory_is_compared_with_casadis_own_c(elbow):
     result = compare(elbow, block, found, STREAM, {}, oracle)
     assert result.bit_identical is False
     assert result.problems == []
-    sound = compare(elbow, block, library(block, "f64"), STREAM, {}, oracle)
-    assert sound.bit_identical
+    assert compare(elbow, block, library(block, "f64"), STREAM, {}, oracle).bit_identical
 
 
 def test_a_memory_that_a_restart_changes_is_seen(elbow):
@@ -268,8 +267,7 @@ def test_a_turned_decision_is_explained_by_its_own_error_alone(share, passes):
 def beside_the_edge(plan, memory: FieldPlan, count: int = 600) -> tuple[np.ndarray, np.ndarray]:
     """Whole units x and z of which 0.7 x + z lies within a unit of x of the edge."""
     x_unit, z_unit = 2.0 ** -plan.fields["in"][0].fraction, 2.0**-memory.fraction
-    rng = np.random.default_rng(5)
-    z = np.round(rng.uniform(-0.3, 0.9, count) / z_unit) * z_unit
+    z = np.round(np.random.default_rng(5).uniform(-0.3, 0.9, count) / z_unit) * z_unit
     x = np.round((EDGE - z) / 0.7 / x_unit) * x_unit
     assert np.max(np.abs(0.7 * x + z - EDGE)) < x_unit
     return x, z

@@ -180,8 +180,7 @@ def errors_ulp(result: np.ndarray, wanted: np.ndarray) -> np.ndarray:
             infinite, np.where(np.abs(wanted) >= 2.0**128 - 2.0**103 - 2.0**97, 0.0, np.inf), error
         )
         error = np.where(infinite & (np.sign(result) != np.sign(wanted)), np.inf, error)
-        both = np.isnan(result) & np.isnan(wanted)
-        error = np.where(both, 0.0, error)
+        error = np.where(np.isnan(result) & np.isnan(wanted), 0.0, error)
     return np.where(np.isnan(error), np.inf, error)
 
 

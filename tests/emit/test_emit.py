@@ -34,8 +34,7 @@ def built(tmp_path_factory, elbow):
 def documented_command(folder: Path) -> list[str]:
     """The gcc line that the header prints."""
     header = next(p for p in folder.glob("esea_*.h") if "#define" in p.read_text()).parent
-    text = (header / "esea_elbow.h").read_text()
-    line = re.search(r"\* +(gcc .*?\*\.c(?: -lm)?) ", text)
+    line = re.search(r"\* +(gcc .*?\*\.c(?: -lm)?) ", (header / "esea_elbow.h").read_text())
     assert line, "the header does not say how to compile it"
     return line.group(1).split()
 
@@ -130,8 +129,7 @@ def test_same_bytes_every_time(elbow, monkeypatch):
     assert again.system is not elbow.system
     one, other = render_device(elbow, ["f64", "f32"]), render_device(again, ["f64", "f32"])
     assert [b.files for b in one] == [b.files for b in other]
-    alone = render_device(again, ["f32"])
-    assert alone[0].files == one[1].files
+    assert render_device(again, ["f32"])[0].files == one[1].files
 
 
 def test_no_date_host_or_path_in_the_output(elbow):
@@ -150,8 +148,7 @@ def test_manifest_and_hash(built, elbow):
         assert manifest["command"] == f"esea-gen build elbow --real {real}"
         assert manifest["versions"]["casadi"]
         for name, digest in manifest["files"].items():
-            data = (built / real / name).read_bytes()
-            assert hashlib.sha256(data).hexdigest() == digest
+            assert hashlib.sha256((built / real / name).read_bytes()).hexdigest() == digest
         assert device_hash(elbow) in (built / real / "esea_elbow.h").read_text()
 
 

@@ -88,8 +88,7 @@ def test_no_fact_cuts_anything_that_can_be(name):
 
 def test_the_torque_rises_by_the_slope_that_is_promised(elbow):
     """Any set-point beside the exact one leaves a residual of at least k1 times the distance."""
-    block = elbow.inverse
-    solved = block.solved["set_point_rad"]
+    solved = elbow.inverse.solved["set_point_rad"]
     sensor = elbow.sensor.labelled_step
     rng = np.random.default_rng(11)
     assert solved.slope == elbow.file.elastomer.k1_Nm_rad.value
@@ -117,8 +116,7 @@ def test_a_set_point_off_the_exact_one_is_flagged(elbow):
     library = compile_system(system, "q31")
     t = np.arange(400) * elbow.period_s
     torque = 3.0 * np.sin(2 * np.pi * t)
-    runner = library.task("run")
-    honest, _ = runner.run({"tau_Nm": torque}, trace=False)
+    honest, _ = library.task("run").run({"tau_Nm": torque}, trace=False)
     assert not np.any(honest["status"] & NOT_CONVERGED)
     # The same program with a set-point that is off by 0.1 mrad and more.
     files = dict(library.files)
@@ -127,8 +125,7 @@ def test_a_set_point_off_the_exact_one_is_flagged(elbow):
     off = round(1e-4 * 2 ** int(fraction))
     head, tail = files[source].split(f"{name} = ", 1)
     files[source] = f"{head}{name} = {off} + {tail}"
-    broken = _recompiled(system, files)
-    lost, _ = broken.task("run").run({"tau_Nm": torque}, trace=False)
+    lost, _ = _recompiled(system, files).task("run").run({"tau_Nm": torque}, trace=False)
     apart = np.abs(lost["theta_rad"] - honest["theta_rad"])
     bound = any_bound(plan_block(block)).outputs["theta_rad"]
     assert np.max(apart) > bound
@@ -146,8 +143,7 @@ def _recompiled(system, files):
 
 
 def test_what_leads_to_a_solved_value_does_not_count(elbow):
-    block = elbow.inverse
-    plan = plan_block(block)
+    plan = plan_block(elbow.inverse)
     step = Propagation(plan, {}, {})
     node = {name: i for i, (name, _) in plan.labels.items()}
     assert node["root_c_rad"] not in step.followed

@@ -101,8 +101,7 @@ def test_other_content_has_another_digest(folder, monkeypatch):
 
 def test_the_search_reads_no_code_but_that_of_the_digest():
     """What is planned comes from the Block; how, from two rooms, whose change plans anew."""
-    block = esea_gen.load_device("elbow").velocity
-    planner = Planner(block)
+    planner = Planner(esea_gen.load_device("elbow").velocity)
     root = Path(esea_gen.__file__).parent
     read = set()
 

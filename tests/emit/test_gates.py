@@ -99,8 +99,7 @@ def test_libm_and_double_are_seen_on_every_target(elbow, texts, target):
     require_tool(TARGETS[target].toolchain.compiler)
     files = broken(texts["f32"], STEP, STEP + " state->tau_r_Nm = powf(in->theta_rad, 0.77f);")
     files = broken(files, '#include "esea_elbow.h"', '#include "esea_elbow.h"\n#include <math.h>')
-    report = check_objects(elbow, target, files=files)
-    assert any("asks for powf" in p for p in report.problems)
+    assert any("asks for powf" in p for p in check_objects(elbow, target, files=files).problems)
     report = check_objects(elbow, target, files=broken(texts["f32"], STEP, STEP + DOUBLE))
     # A double FPU computes on without a helper: only the instructions tell.
     wanted = "double arithmetic" if target in ("cortex-m3", "cortex-m4f") else "double instruction"
@@ -121,8 +120,7 @@ def warnings_of(files, real, compiler, folder) -> str:
             (folder / name).write_text(text)
     sources = [n for n in files if n.endswith(".c") and "/" not in n and n != "main.c"]
     command = [require_tool(compiler), *flags, "-c", *sources]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    return done.stderr
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False).stderr
 
 
 @pytest.mark.parametrize("real", ["f32", "f64"])

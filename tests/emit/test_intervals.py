@@ -70,8 +70,7 @@ def ends(found: Interval) -> tuple[float, float]:
     ],
 )
 def test_ends_by_hand(expression, low, high):
-    found = interval(expression, x=(-2, 5), y=(3, 7))
-    assert ends(found) == pytest.approx((low, high), rel=1e-6)
+    assert ends(interval(expression, x=(-2, 5), y=(3, 7))) == pytest.approx((low, high), rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -85,8 +85,7 @@ def test_functions_choices_and_powers(fmt):
     got = results(fmt, "pow", np.float32(points), (0, 2), by)
     assert got.tolist() == pytest.approx(expected, rel=rel)
     # A choice of three; a number is true when it is not 0, a boolean is 1 or 0 where summed.
-    seven = (Node("const", value=7.0),)
-    assert results(fmt, "select", PAIRS, (0, 1, 2), seven).tolist() == [
+    assert results(fmt, "select", PAIRS, (0, 1, 2), (Node("const", value=7.0),)).tolist() == [
         y if x else 7.0 for x, y in PAIRS
     ]
     less = (Node("lt", (0, 1)),)
@@ -198,8 +197,7 @@ def test_an_error_comes_through_an_operation_by_its_slope(name):
     assert found.near == 0
     # Beside another way from the same rounding its sign counts too.
     more = PointAnalysis(program(lambda x, y: f(x * y)[0] + 0.25 * (x * y))).bound(p=p, q=q)
-    total = value + 0.25 * p * q
-    expected += (abs(slope + 0.25) - abs(slope)) * U * abs(p * q) + U * abs(total)
+    expected += (abs(slope + 0.25) - abs(slope)) * U * abs(p * q) + U * abs(value + 0.25 * p * q)
     assert more.errors["y"] == pytest.approx(expected, rel=1e-9, abs=1e-30)
 
 

@@ -308,8 +308,7 @@ def test_what_is_computed_never_leaves_a_clip():
 
 
 def test_a_fact_cuts_the_range_and_leaves_the_error():
-    kernel = walk(ca.Function("f", [X, Y], [X * Y]))
-    (i,) = kernel.results[0]
+    (i,) = walk(ca.Function("f", [X, Y], [X * Y])).results[0]
     fact = {i: (np.array([0.0]), np.array([4.0]))}
     free, _ = result(X * Y, BOTH["across"], BOTH["far"])
     cut, _ = result(X * Y, BOTH["across"], BOTH["far"], facts=fact)

@@ -72,8 +72,7 @@ def test_the_walk_keeps_the_meaning(x: float, a: float, b: float):
     f = sample()
     expected = [np.asarray(v).ravel() for v in f.call([x, ca.DM([a, b])])]
     for kernel in (walk(f), fuse_selects(walk(f))):
-        got = evaluate(kernel, [[x], [a, b]])
-        for e, g in zip(expected, got, strict=True):
+        for e, g in zip(expected, evaluate(kernel, [[x], [a, b]]), strict=True):
             assert g == pytest.approx(list(e), rel=1e-15, abs=1e-300)
 
 

@@ -312,8 +312,7 @@ def toml_target(rng: Rng, folder: Path) -> Callable[[], None]:
     mapping = ROOT / "tests" / "data" / "hdrb" / "hdrb.toml"
     kind = rng.randrange(3)
     source = (rng.choice(sorted(shipped_devices().values())), mapping, rng.choice(own))[kind]
-    text = source.read_text(encoding="utf-8")
-    lines = text.splitlines()
+    lines = source.read_text(encoding="utf-8").splitlines()
     odd = (
         "[" * 20_000,
         "9" * 5000,

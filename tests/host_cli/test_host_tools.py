@@ -183,8 +183,7 @@ def test_a_foreign_log_is_read_with_its_faults(tmp_path):
     report = import_table(STEP, mapping(tmp_path, MAPPING), tmp_path / "a.mcap")
     assert (report.rows, report.wrapped, report.left_out) == (1107, 567, ())
     assert report.backward_s == [99.656]
-    log = esea_host.open_log(tmp_path / "a.mcap")
-    table = log["foreign"]
+    table = esea_host.open_log(tmp_path / "a.mcap")["foreign"]
     (gap,) = table.gaps
     assert (gap.after_tick, gap.before_tick, gap.missing) == (1, 2, -1)
     assert table.units == {"tau_load_Nm": "Nm"}

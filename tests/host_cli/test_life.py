@@ -130,8 +130,7 @@ def test_counts_of_recorded_streams_are_the_package_s(counting, path, column, cy
 def converging(points):
     """Turning points whose ranges shrink step by step, down to about a class."""
     sizes = np.linspace(2 * TOP - 2, STEPS + 2, points - 1).astype(int)
-    signs = np.where(np.arange(points - 1) % 2, 1, -1)
-    return np.cumsum([TOP - 1, *(signs * sizes)]).tolist()
+    return np.cumsum([TOP - 1, *(np.where(np.arange(points - 1) % 2, 1, -1) * sizes)]).tolist()
 
 
 def test_when_there_is_no_room_the_oldest_range_is_half_a_cycle(counting):
@@ -142,8 +141,7 @@ def test_when_there_is_no_room_the_oldest_range_is_half_a_cycle(counting):
     # Closed by the largest range that there can be, each that was left out is off by half a cycle.
     closed = [*history, TOP if history[-1] < history[-2] else -TOP]
     halves, life = board_halves(counting, closed)
-    off = np.abs(np.subtract(halves, package_halves(closed))).sum()
-    assert 0 < off <= 2 * life.full
+    assert 0 < np.abs(np.subtract(halves, package_halves(closed))).sum() <= 2 * life.full
     # Where there is room nothing is off.
     short = converging(POINTS - 1)
     halves, life = board_halves(counting, [*short, -TOP])

@@ -29,8 +29,7 @@ U_MAX_NM = 0.221
 
 def pushed(hand: Hand, kp: float, kd: float, plant: str = "real", **options):
     require_tool("gcc")
-    device = controller_device("smc")
-    case = push_case(device, hand, kp, kd, **options)
+    case = push_case(controller_device("smc"), hand, kp, kd, **options)
     return run_case(case, Setting("smc", plant, "ideal"), 0)
 
 
@@ -61,8 +60,7 @@ def test_a_wall_throws_a_heavy_hand_back():
     out = round((1.1 + math.pi * math.sqrt(50 / wall)) * 1000)
     assert run.plant["omega_l_rad_s"][out] == pytest.approx(-0.5, rel=0.05)
     # Held in the wall: all of the push, 50 * 0.5**2 / 2.
-    deep = int(np.argmax(moved))
-    held = 0.5 * wall * (moved[deep] - 0.02) ** 2
+    held = 0.5 * wall * (moved[int(np.argmax(moved))] - 0.02) ** 2
     assert held == pytest.approx(6.25, rel=0.03)
     assert not judge_push(run, hand, 0.0, U_MAX_NM, wall).stopped
 
@@ -70,8 +68,7 @@ def test_a_wall_throws_a_heavy_hand_back():
 def test_a_drive_that_is_off_is_passive_with_every_hand():
     """Friction, masses and elastomer only: whatever the hand, nothing can come out."""
     for hand in HANDS[::7]:  # each inertia, damping and stiffness
-        run = pushed(hand, 0.0, 0.0, "ideal", mode=OFF)
-        figures = judge_push(run, hand, 0.0, U_MAX_NM)
+        figures = judge_push(pushed(hand, 0.0, 0.0, "ideal", mode=OFF), hand, 0.0, U_MAX_NM)
         push_J = 0.5 * hand.inertia_kgm2 * 0.25
         assert figures.generated_J <= 1e-6 * push_J
         assert not figures.swings_up(push_J)
@@ -102,8 +99,7 @@ def test_the_thesis_gains_are_passive_and_so_are_the_largest(study):
 def test_a_latched_fault_is_a_result():
     """The limits stop a hand that leaves the range of motion; that is not passive, nor stable."""
     hand = Hand("thrown", 0.4)
-    run = pushed(hand, 0.0, 0.0, "ideal", push_rad_s=3.0)
-    figures = judge_push(run, hand, 0.0, U_MAX_NM)
+    figures = judge_push(pushed(hand, 0.0, 0.0, "ideal", push_rad_s=3.0), hand, 0.0, U_MAX_NM)
     assert figures.fault == 11  # range of motion
     region = push_map([0.0], [0.0], [hand], {(0.0, 0.0, "thrown"): figures}, 3.0)
     assert region.mark(0, 0) == "L"
@@ -173,8 +169,7 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag(tmp_path):
     cases = (("grid", "3 Nm 1 Hz"),)
     wide, narrow = check_sliding("smc", ("ideal",), cases)
     assert (wide.phi_rad_s, narrow.phi_rad_s) == (1.5, pytest.approx(0.15))
-    case = Grid().case("3 Nm 1 Hz")
-    run = run_case(case, Setting("smc", "ideal", "none"), 0)
+    run = run_case(Grid().case("3 Nm 1 Hz"), Setting("smc", "ideal", "none"), 0)
     smc = controller_device("smc").system.blocks["smc"]
     bit = [f.name for f in smc.status_port.flags].index("LAYER_LEFT")
     flagged = run.controller["smc_status"][::5][:-1] >> bit & 1

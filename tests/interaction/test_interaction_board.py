@@ -124,8 +124,7 @@ def test_a_wrong_element_refuses_its_block_and_the_trial_stays_to_be_done(
             attendant.do(word, number)
 
     _, session = session_of(careless, *blocks)
-    reason = session.run()
-    assert "It measures as: spring, equal. Build in the elastomer" in reason
+    assert "It measures as: spring, equal. Build in the elastomer" in session.run()
     assert [e["confirmed"] for e in told(session, "element")] == [True, False]
     assert session.state.states[2] == PENDING
 

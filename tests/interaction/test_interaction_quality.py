@@ -136,8 +136,7 @@ def test_what_follows_from_the_printed_p_values():
     vdv = rows["tracking", "VDV"]
     assert (vdv["rank_sum"], vdv["p_exact"]) == (2, 6 / 1024)
     assert vdv["p_holm"] == pytest.approx(8 * 0.0059)
-    others = [r["p_holm"] for k, r in rows.items() if k != ("tracking", "VDV")]
-    assert min(others) > 0.3
+    assert min(r["p_holm"] for k, r in rows.items() if k != ("tracking", "VDV")) > 0.3
     # Only 0.065, which is 66/1024 = 0.06445 rounded twice, is no p of ten people.
     odd = [r for t in (TABLE_6_2, TABLE_6_3) for r in reread(t) if not r["as_printed"]]
     assert [r["p"] for r in odd] == [0.065, 0.065]
@@ -158,8 +157,7 @@ def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
         "c,B,-2,0,no difference,2\n"
     )
     found = read_survey(path)
-    answers = {q.name: q.answers for q in found.questions}
-    assert answers == {
+    assert {q.name: q.answers for q in found.questions} == {
         "comfort": (1, -1, 2),
         "naturalness": (-2, 2, 0),
         "control": (0, 0, 0),
@@ -290,8 +288,7 @@ def test_an_effect_that_was_put_in_is_found(found):
     assert rms.bayes.probability_positive > 0.98
     # Blocks hold the same numbers in another order.
     assert rms.block.p > 0.1
-    values = np.sort(rms.values.ravel())
-    assert values[0] > 0
+    assert np.sort(rms.values.ravel())[0] > 0
 
 
 def test_a_period_effect_is_no_effect_of_the_element(tmp_path):
@@ -316,8 +313,7 @@ def test_what_is_simulated_says_so(found, tmp_path):
     assert "0.0059" in page
     with browser(tmp_path / "profile") as b:
         readable(b, page, tmp_path)
-    measured = dataclasses.replace(found, simulated=False)
-    assert "SIMULATED" not in "\n".join(lines(measured))
+    assert "SIMULATED" not in "\n".join(lines(dataclasses.replace(found, simulated=False)))
 
 
 def test_the_command(folder, tmp_path, monkeypatch, capsys):
@@ -390,8 +386,7 @@ def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, 
 
 def test_people_with_one_element_are_named(folder, tmp_path):
     text = (folder / "interaction.toml").read_text()
-    last = text.rindex("[[recording]]")
-    copy = changed(folder, tmp_path, text[last:], "")
+    copy = changed(folder, tmp_path, text[text.rindex("[[recording]]") :], "")
     left = analyse_interaction(copy)
     assert left.left_out == ("p7 (tracking)",)
     assert len(left.people) == len(left.comparisons[0].people) == 7

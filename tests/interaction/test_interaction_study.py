@@ -198,8 +198,7 @@ def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_pa
         assert code == 2
         assert words in error
     wrong = tmp_path / "wrong.toml"
-    text = PROTOCOL.read_text().replace('element = "spring"', 'element = "springs"')
-    wrong.write_text(text)
+    wrong.write_text(PROTOCOL.read_text().replace('element = "spring"', 'element = "springs"'))
     code, _, error = called(monkeypatch, capsys, "study", "check", wrong)
     assert code == 2
     assert "springs" in error
@@ -344,8 +343,7 @@ def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
     assert "Table 6.2, block 1 and block 2" in said
     assert "Table 6.3, spring and elastomer" in said
     assert "How large a difference could 2 SIMULATED people have shown" in said
-    page = render_report(found)
-    assert page.count("(simulated)</h2>") == 6
+    assert render_report(found).count("(simulated)</h2>") == 6
     real = dataclasses.replace(found, simulated=False)
     assert "imulated" not in "\n".join(lines(real))
     assert "(simulated)" not in render_report(real)

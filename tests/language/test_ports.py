@@ -47,8 +47,7 @@ def test_a_name_ends_in_its_unit(suffix, unit):
     assert Tunable(name, 0, 0, 1, "made up").unit == unit
     assert Constant(name, 1.0, "made up", "assumed").unit == unit
     assert unit_of(f"{name}_more") == "1"
-    word = Port(name, 0, 1, "made up", flags=(Flag("BAD", "made up"),))
-    assert word.unit == "bits"
+    assert Port(name, 0, 1, "made up", flags=(Flag("BAD", "made up"),)).unit == "bits"
 
 
 @settings(max_examples=40)

@@ -113,8 +113,7 @@ def test_latched_values_do_not_depend_on_preemption(release):
     assert results[0] == results[1] == results[2]
     # Independently: the slow task starts at 1, 5, ...; it then sees fast's sum of one tick before,
     # and what it wrote is seen `release` ticks later, when it is added up once a tick.
-    ticks = np.arange(41)
-    fast = np.cumsum(ticks + 1)
+    fast = np.cumsum(np.arange(41) + 1)
     slow, seen = 0.0, np.zeros(41)
     for start in range(1, 41, 4):
         slow += fast[start - 1]
@@ -132,8 +131,7 @@ def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, latenes
     board = compile_system(system, real).board()
     simulator = system.simulator()
     expected = run(simulator.step, simulator.release, 0)
-    got = run(board.step, board.release, lateness)
-    for a, b in zip(expected, got, strict=True):
+    for a, b in zip(expected, run(board.step, board.release, lateness), strict=True):
         assert a["y"] == b["y"]
         assert np.array_equal(a["both"], b["both"])
         assert a["status"] == b["status"]
@@ -201,8 +199,7 @@ def test_one_block_may_stand_behind_two_instances():
         outputs={"y": "right.y"},
     )
     assert len(system.kinds) == 1
-    library = compile_system(system, "f64")
-    runner = library.task("go")
+    runner = compile_system(system, "f64").task("go")
     assert runner.prepare({"right": {"gain": 2.0}}) == 0
     simulator = system.simulator({"right": {"gain": 2.0}})
     for x in (1.0, -3.0, 2.5):

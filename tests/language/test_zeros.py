@@ -60,8 +60,7 @@ def bits(values):
 @pytest.mark.parametrize("flags", [(), ("-O0",), ("-O3",), ("-Os",)])
 def test_f64_takes_the_second_of_two_equal_zeros(flags):
     require_tool("gcc")
-    system = alone(ties())
-    library = compile_system(system, "f64", flags)
+    library = compile_system(alone(ties()), "f64", flags)
     y, _ = run_c(library.block("ties"), Stream("ties", {"x": LEFT, "y": RIGHT}))
     least = np.array([a if a < b else b for a, b in zip(LEFT, RIGHT, strict=True)])
     assert bits(y["least"]) == bits(least)

@@ -176,8 +176,7 @@ def test_a_stop_in_the_first_version_of_mavlink_is_a_stop(paired):
     board.sign_with(None)
     values = (1, 1, board.dialect.MAV_CMD_USER_4, 0, *[0.0] * 7)
     plain = board.dialect.MAVLink(None, 99, 99)
-    message = board.message("COMMAND_LONG", *values)
-    board.send_bytes(bytes(message.pack(plain, force_mavlink1=True)))
+    board.send_bytes(bytes(board.message("COMMAND_LONG", *values).pack(plain, force_mavlink1=True)))
     assert board.state_now == "STOPPED"
 
 

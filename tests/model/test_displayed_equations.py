@@ -107,8 +107,7 @@ def step_of(block: Block, share: float, put: dict[str, str], rng) -> dict[str, S
 
     t = {p.name: drawn(p, p.default) for p in block.tunables}
     c = block.prepare.call([ca.DM(x) for x in t.values()]) if t else []
-    given = [drawn(p) for p in (*block.state, *block.inputs)]
-    arguments = [*c, *map(ca.DM, given)]
+    arguments = [*c, *map(ca.DM, [drawn(p) for p in (*block.state, *block.inputs)])]
     step = block.labelled_step
     named = dict(zip(step.name_in(), arguments, strict=True))
     named |= dict(zip(step.name_out(), step.call(arguments), strict=True))
@@ -199,8 +198,7 @@ def test_the_prediction_moves_as_is_shown(impedance):
         [*symbols], [*values], [ca.SX(after["tau_e"]), *map(ca.SX, rates)]
     )
     f = ca.Function("f", [tape.memory_symbol], whole[1])
-    results = f(x["tau_e"] - f(0)[0])
-    for number, rate in zip(moving, results[1:], strict=True):
+    for number, rate in zip(moving, f(x["tau_e"] - f(0)[0])[1:], strict=True):
         check(number, float(rate))
     assert check("[sig]", 0.8 * 27.64 / 32.76, z=check("[z]", 0.8)) == pytest.approx(
         np.tanh(0.8), abs=0.024

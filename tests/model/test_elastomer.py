@@ -86,8 +86,7 @@ def test_discretisation_with_ideal_encoders(rate_Hz: int, limit_pct: float):
     )
     theta, rate = chirp(np.deg2rad(10), 1 / 8)
     t = np.arange(0, 8, 1 / rate_Hz)
-    middle = t - 0.5 / rate_Hz
-    inputs = {"theta_rad": theta(t), "omega_rad_s": rate(middle)}
+    inputs = {"theta_rad": theta(t), "omega_rad_s": rate(t - 0.5 / rate_Hz)}
     out, _ = device.sensor.simulator().run(inputs)
     error = out["tau_rate_Nm"] - tight_maxwell(theta, rate, t, 20)
     assert 100 * np.max(np.abs(error)) / 4.47 < limit_pct

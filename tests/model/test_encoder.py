@@ -213,8 +213,7 @@ def test_it_does_what_the_whole_numbers_say(name, pieces, seed):
     expected = [model.read(int(c), int(e)) for c, e in zip(counts, errors, strict=True)]
     assert got["status"].astype(int).tolist() == [s for _, s in expected]
     # [angle]: three roundings of at most 2^-24 of 40 rad.
-    tolerance = 8e-6
-    assert got["theta_rad"] == pytest.approx([a for a, _ in expected], abs=tolerance)
+    assert got["theta_rad"] == pytest.approx([a for a, _ in expected], abs=8e-6)
     doubt = BITS["HELD_TOO_LONG"] | BITS["SETTLING"] | BITS["REFERENCE_LOST"] | BITS["NOT_ZEROED"]
     assert np.array_equal(got["usable"] == 1, (got["status"].astype(int) & doubt) == 0)
     assert set(np.unique(got["usable"])) <= {0.0, 1.0}
@@ -325,8 +324,7 @@ def test_without_a_calibration_it_is_not_usable():
     assert not np.any(got["usable"])
     assert np.all(status_of(got)[3:] == BITS["NOT_ZEROED"])
     # What a calibration does: the angle where the joint is at 0, then init.
-    zero = float(got["theta_rad"][-1])
-    runner.prepare({"zero_rad": zero, "zeroed": 1.0})
+    runner.prepare({"zero_rad": float(got["theta_rad"][-1]), "zeroed": 1.0})
     after, _ = runner.run(still(20), trace=False)
     assert after["theta_rad"] == pytest.approx(np.zeros(20), abs=1e-6)
     assert np.all(after["usable"][3:] == 1)
@@ -353,8 +351,7 @@ def test_correction_takes_out_a_parts_nonlinearity():
         true = nodes.copy()
         for _ in range(60):
             true = nodes - measured_error(true)
-        device = make(14, f"zero_rad = {q(0.0)}\n" + row(true - nodes))
-        runner = compiled(device, "f32")
+        runner = compiled(make(14, f"zero_rad = {q(0.0)}\n" + row(true - nodes)), "f32")
         raw = phi + measured_error(phi)
         counts = np.floor(raw / TURN * 2**14 + 0.5).astype(int) % 2**14
         got, _ = runner.run({"count": counts, "frame_error": 0 * counts}, trace=False)

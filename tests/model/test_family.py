@@ -32,8 +32,7 @@ H = 0.01
 
 def terms_over(terms: list[Term] | tuple[Term, ...], x: np.ndarray, h: float = H) -> np.ndarray:
     """Every term with weight 1 over a path, shape (samples, terms)."""
-    block = unit_terms(Member("tried", "tried", tuple(terms)), h)
-    y, _ = block.simulator().run({"theta_rad": x})
+    y, _ = unit_terms(Member("tried", "tried", tuple(terms)), h).simulator().run({"theta_rad": x})
     return np.asarray(y["terms_Nm"]).reshape(len(x), -1)
 
 
@@ -169,8 +168,7 @@ def test_no_path_gives_energy(every_term, turns, back, each):
 def some_member(rng: np.random.Generator, member: Member) -> FittedMember:
     weights = rng.exponential(1.0, len(member.terms)) * (rng.random(len(member.terms)) < 0.4)
     weights[0] = 0.1  # the linear spring of every candidate
-    linear = [i for i, t in enumerate(member.terms) if t == Term("spring", LINEAR)]
-    weights[linear] = 0.5
+    weights[[i for i, t in enumerate(member.terms) if t == Term("spring", LINEAR)]] = 0.5
     return FittedMember(member, 0.2, tuple(float(w) for w in weights))
 
 
@@ -248,8 +246,7 @@ def test_merged_terms_are_the_weighted_sum(name, hdrb_device):
 
 def family_device(base: Device, name: str) -> Device:
     member = next(m for m in members() if m.name == name)
-    rng = np.random.default_rng(3)
-    return device_of(base, some_member(rng, member), "drawn")
+    return device_of(base, some_member(np.random.default_rng(3), member), "drawn")
 
 
 @pytest.mark.ci
@@ -321,12 +318,10 @@ def test_a_newton_step_out_of_the_bracket_is_caught(hdrb_device):
     """A spring that is steep at 0 and soft beyond: Newton alone is thrown from end to end."""
     steep = (Term("spring", LINEAR), Term("spring", Rise("bend", 0.02)))
     fitted = FittedMember(Member("steep", "steep", steep), 0.2, (0.05, 150.0))
-    block = family_inverse(hdrb_device, fitted, steps=30)
-    runner = block.simulator()
+    runner = family_inverse(hdrb_device, fitted, steps=30).simulator()
     runner.step(tau_Nm=3.0)
     for wanted in (-0.5, 2.9, -2.9, 0.3):
-        y = runner.step(tau_Nm=wanted)
-        x = float(y["theta_rad"]) / 0.2
+        x = float(runner.step(tau_Nm=wanted)["theta_rad"]) / 0.2
         assert abs(0.05 * x + 150 * x / (1 + abs(x) / 0.02) - wanted) < 1e-4
 
 

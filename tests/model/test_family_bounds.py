@@ -17,8 +17,7 @@ X = REACH_RAD / SCALE_RAD
 
 def most(*weighted):
     member = Member("tried", "tried", tuple(t for _, t in weighted))
-    fitted = FittedMember(member, SCALE_RAD, tuple(w for w, _ in weighted))
-    return fitted.most_Nm(REACH_RAD)
+    return FittedMember(member, SCALE_RAD, tuple(w for w, _ in weighted)).most_Nm(REACH_RAD)
 
 
 @pytest.mark.parametrize("term", [Term("maxwell", LINEAR, (3.0,)), Term("stop", LINEAR, (9.0,))])
@@ -86,7 +85,6 @@ def test_the_first_sample_rises_no_less_than_said(rise, strain, reach):
     # Exact, but for a bend beyond the middle of both numbers: there at most what it can fall by.
     if rise.kind == "bend" and strain and reach > math.sqrt(strain * rise.number):
         ends = math.sqrt(strain) + math.sqrt(rise.number)
-        fall = -strain * rise.number / ends**4 * WEIGHT_Nm / SPAN_RAD
-        assert first == pytest.approx(fall)
+        assert first == pytest.approx(-strain * rise.number / ends**4 * WEIGHT_Nm / SPAN_RAD)
     else:
         assert first == pytest.approx(steep, abs=room)

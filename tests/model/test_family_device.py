@@ -192,11 +192,9 @@ def test_the_largest_slope_is_never_passed(rig):
 def test_a_recorded_member_becomes_a_device_file(hdrb, tmp_path):
     """Its C as built gives the errors that the comparison prints (docs: 1.36 %)."""
     require_tool("gcc")
-    path = hdrb.write(tmp_path)
-    device = load_device(path)
+    device = load_device(hdrb.write(tmp_path))
     assert device.digest == hdrb.device.digest
-    held_out = hdrb.to_dict()["mean_rms"]["held_out_percent"]
-    assert held_out == pytest.approx(1.37, abs=0.02)
+    assert hdrb.to_dict()["mean_rms"]["held_out_percent"] == pytest.approx(1.37, abs=0.02)
     assert hdrb.to_dict()["model"]["terms"][0]["term"] == "spring of x"
     # Its own torque, worked out from the weights and the unit terms, at the recording's samples.
     (recording,) = hdrb.recordings

@@ -137,8 +137,7 @@ def test_without_a_least_slope_no_error_is_claimed(devices):
     )
     fitted = FittedMember(Member("c", "c", terms), 0.2, (0.1, 3.0))
     assert fitted.first_slope_Nm_rad(0.35) < 0 < fitted.least_slope_Nm_rad(0.35)
-    device = devices["every"]
-    block = family_inverse(device, fitted, steps=3)
+    block = family_inverse(devices["every"], fitted, steps=3)
     assert block.solved == {}
     system = SimpleNamespace(kinds=(block,))
     with pytest.raises(UserError, match="no error of inverse in q31 can be proven") as caught:
@@ -222,8 +221,7 @@ def test_the_sensor_feels_what_was_asked_for(fixed):
 def test_every_block_of_a_drive_with_a_member(elbow):
     """The bearing's rubber on the elbow's drive, each Block of both tasks."""
     require_tool("gcc")
-    text = drive(family_device(elbow, BEARING, "drawn"))
-    device = parse_device(text, "bearing_smc.toml")
+    device = parse_device(drive(family_device(elbow, BEARING, "drawn")), "bearing_smc.toml")
     library = compile_system(device.system, "q31")
     for block in device.system.kinds:
         plan = plan_block(block)

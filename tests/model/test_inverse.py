@@ -112,9 +112,7 @@ def test_forward_of_inverse_is_the_request(pairs, real, pieces, seed):
 @pytest.mark.parametrize("signal", range(5))
 def test_published_signals(pairs, real, signal):
     # The last 15 s of each: the fast end of the sweeps.
-    request = SIGNALS[signal].sample(1000.0)
-    request = request[-15000:]
-    error, y = pairs[real].error(request)
+    error, y = pairs[real].error(SIGNALS[signal].sample(1000.0)[-15000:])
     assert error < LIMIT_NM[real]
     assert not np.any(y["status"] & pairs[real].bits["REQUEST_CLAMPED"])
 
@@ -191,8 +189,7 @@ def test_the_set_point_is_the_root_that_bisection_finds(elbow):
         def miss(x, memory=before, omega=y["omega_mid_rad_s"], request=request):
             return torque(x, memory, omega, 1e-3) - request
 
-        root = brentq(miss, -0.35, 0.35, xtol=1e-14)
-        assert y["theta_rad"] == pytest.approx(root, abs=1e-12)
+        assert y["theta_rad"] == pytest.approx(brentq(miss, -0.35, 0.35, xtol=1e-14), abs=1e-12)
 
 
 @pytest.mark.ci
@@ -227,8 +224,7 @@ def test_cubic_root():
     x = ca.SX.sym("x")
     root = np.asarray(ca.Function("f", [x], [cubic_root(239.0, 9.39, x)])(load.T)).ravel()
     assert 239.0 * root**3 + 9.39 * root == pytest.approx(load, rel=1e-13)
-    linear = ca.Function("f", [x], [cubic_root(0.0, 9.39, x)])
-    assert float(linear(1.0)) == pytest.approx(1 / 9.39)
+    assert float(ca.Function("f", [x], [cubic_root(0.0, 9.39, x)])(1.0)) == pytest.approx(1 / 9.39)
     # (4.13) at 4.5 Nm: the misprints corrected.
     assert float(ca.Function("f", [x], [cubic_root(239.0, 9.39, x)])(4.5)) == pytest.approx(
         0.2175, abs=5e-5

@@ -109,8 +109,7 @@ def test_a_step_of_the_cables_gap(drive):
     # The gap is 0 to 30 mrad; the end that was moved stays.
     kept_low = where(at_low, new_low, clip(new_low, new_high - 0.03, new_high))
     kept_high = where(at_low, clip(new_high, new_low, new_low + 0.03), new_high)
-    between = where(pushes, kept_low, clip(seen, kept_low, kept_high))
-    lain = where(pulls, kept_high, between)
+    lain = where(pulls, kept_high, where(pushes, kept_low, clip(seen, kept_low, kept_high)))
     wound = lain - (kept_high + kept_low) / 2
     count = 2 * math.pi / 4096
     delta = u.theta_rad + where(ok, clip(seen - lain, -count, count), 0)

@@ -66,9 +66,7 @@ def libraries(drive):
 
 @pytest.mark.parametrize("cutoff", [15.0, 30.0, 60.0])
 def test_rate_is_scipys_butterworth_of_the_difference(drive, cutoff):
-    rng = np.random.default_rng(3)
-    theta = 1.0 + np.cumsum(rng.normal(0, 3e-3, 3000))
-    theta = np.clip(theta, -0.9, 3.3)
+    theta = np.clip(1.0 + np.cumsum(np.random.default_rng(3).normal(0, 3e-3, 3000)), -0.9, 3.3)
     b, a = signal.butter(4, cutoff, fs=1000.0)
     expected = signal.lfilter(b, a, np.diff(theta, prepend=theta[0]) / H)
     got, _ = motor_rate(drive).simulator({"cutoff_Hz": cutoff}).run({"theta_rad": theta})
@@ -99,8 +97,7 @@ def test_delay_of_a_slow_sine(drive):
     f = 0.5
     theta = 1 + 0.5 * np.sin(2 * np.pi * f * t)
     got, _ = load_rate(drive).simulator({"cutoff_Hz": 20.0}).run({"theta_rad": theta})
-    carrier = np.exp(-2j * np.pi * f * t[4000:])
-    measured = np.angle(np.mean(got["omega_rad_s"][4000:] * carrier) * 2)
+    measured = np.angle(np.mean(got["omega_rad_s"][4000:] * np.exp(-2j * np.pi * f * t[4000:])) * 2)
     delay = -measured / (2 * np.pi * f)
     assert filter_delay_s(10.0) == pytest.approx(0.04159, abs=1e-5)
     assert delay == pytest.approx(filter_delay_s(20.0) + H / 2, rel=2e-3)
@@ -108,8 +105,7 @@ def test_delay_of_a_slow_sine(drive):
 
 def test_large_angles_cost_no_precision(libraries):
     # The same quantised motion at 0 and 12 counts below 3 rad: the same rate, to the f32 of angles.
-    rng = np.random.default_rng(5)
-    count = np.round(np.cumsum(rng.normal(0, 1.0, 4000)) * 0.2)
+    count = np.round(np.cumsum(np.random.default_rng(5).normal(0, 1.0, 4000)) * 0.2)
     near, far = (single((count + c) / 1024) for c in (0, 2000))
     run = {}
     for name, theta in (("near", near), ("far", far)):
@@ -124,16 +120,14 @@ def test_large_angles_cost_no_precision(libraries):
 
 def test_gain_at_rest_is_one_in_float32(drive):
     # A slow cut-off, where a direct form would lose its gain.
-    slow = changed(drive, load_velocity_Hz=4.0, human_1_s=0.1)
-    library = compile_system(observers(slow), "f32")
+    library = compile_system(observers(changed(drive, load_velocity_Hz=4.0, human_1_s=0.1)), "f32")
     runner = library.block("load_rate")
     assert runner.prepare({"cutoff_Hz": 2.0}) == 0
     ramp = single(np.arange(2500) / 1024)  # exact in float32: 0.9765625 rad/s
     y, _ = runner.run({"theta_rad": ramp})
     assert y["omega_rad_s"][-1] == pytest.approx(1000 / 1024, rel=1e-5)
     sections = signal.butter(4, 2.0, fs=1000.0, output="sos").astype(np.float32).astype(float)
-    direct = np.prod(sections[:, :3].sum(axis=1) / sections[:, 3:].sum(axis=1))
-    assert abs(direct - 1) > 1e-4
+    assert abs(np.prod(sections[:, :3].sum(axis=1) / sections[:, 3:].sum(axis=1)) - 1) > 1e-4
 
 
 def test_a_cutoff_beyond_the_rate_is_refused(drive):
@@ -188,8 +182,7 @@ def test_drive_disturbance_is_a_first_order_lag(drive, motion, bandwidth):
     t, x = motion
     simulator = drive_observer(drive).simulator({"bandwidth_1_s": bandwidth})
     y, _ = simulator.run({"u_Nm": commands(t), "omega_motor_rad_s": x[:, 0], "tau_Nm": torque(t)})
-    lag = 0.45 * (1 - np.exp(-bandwidth * t))
-    assert y["d4_rad_s2"] == pytest.approx(lag, abs=3e-3)
+    assert y["d4_rad_s2"] == pytest.approx(0.45 * (1 - np.exp(-bandwidth * t)), abs=3e-3)
     assert y["u_a_Nm"] == pytest.approx(x[:, 1], abs=1e-7)
 
 
@@ -219,8 +212,7 @@ def test_bandwidth_is_bounded_by_the_velocity_filter(drive):
     b, a = signal.butter(4, 2 * np.pi * 15.0, analog=True)
     w = np.logspace(-2, 4, 20000)
     _, f = signal.freqs(b, a, w)
-    gain = np.abs(limit / (1j * w + limit) * (1 - f))
-    assert 0.3 < np.max(gain) <= 0.5
+    assert 0.3 < np.max(np.abs(limit / (1j * w + limit) * (1 - f))) <= 0.5
     assert np.max(np.abs(limit / (1j * w) * (1 - f))) == pytest.approx(0.5, rel=1e-3)
     with pytest.raises(UserError, match=r"drive_1_s = 19 1/s is above its limit 18 1/s"):
         drive_observer(changed(drive, drive_1_s=19.0))
@@ -276,8 +268,7 @@ def test_eso_follows_a_constant_and_a_ramp(drive, slope):
     correction[:, 0] -= [0.179, 17.7, 209.0, 3234.0]
     steady = np.linalg.solve(np.eye(4) - m, correction @ missed)  # true less estimate
     last = np.array([y[k][-1] for k in ("tau_h_Nm", "tau_h_rate_Nm_s")])
-    true = np.array([tau_h[inside][-1], slope])
-    assert true - last == pytest.approx(steady[2:], abs=2e-4)
+    assert np.array([tau_h[inside][-1], slope]) - last == pytest.approx(steady[2:], abs=2e-4)
     assert y["omega_load_rad_s"][-1] == pytest.approx(omega[inside][-1], abs=1e-4 + 2e-3 * slope)
 
 

@@ -132,8 +132,7 @@ def _swapped(operator: ast.AST) -> Any:
 def _order_of_magnitude(v: object) -> bool:
     if not isinstance(v, float):
         return False
-    digits = f"{v:.15e}".partition("e")[0]
-    return float(digits) == 1 and not _SMALL < v < _LARGE
+    return float(f"{v:.15e}".partition("e")[0]) == 1 and not _SMALL < v < _LARGE
 
 
 def _constants(node: ast.Constant) -> Iterator[Change]:

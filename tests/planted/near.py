@@ -87,14 +87,11 @@ def near_tests(graph: Importers, source: Path, *, independent: bool, widen: int 
     words = {w.rstrip("s") for w in (*source.stem.split("_"), source.parent.name)}
 
     def rank(p: Path) -> tuple[int, int, int]:  # what bears its name first, then the short ones
-        named = len(words & {w.rstrip("s") for w in p.stem.split("_")})
-        return far[p], -named, graph.size[p]
+        return far[p], -len(words & {w.rstrip("s") for w in p.stem.split("_")}), graph.size[p]
 
-    usable = (p for p in far if not (independent and is_committed(p.name)))
-    kept = sorted(usable, key=rank)
+    kept = sorted((p for p in far if not (independent and is_committed(p.name))), key=rank)
     if not kept:
         raise UserError(f"No test imports {_name(source)}.", "Name test files with --tests.")
     near = [p for p in kept if far[p] == far[kept[0]] or p.stem == f"test_{source.stem}"]
-    rest = [p for p in kept if p not in near]
-    near += rest[: max(0, LEAST - len(near)) + widen]
+    near += [p for p in kept if p not in near][: max(0, LEAST - len(near)) + widen]
     return [p.as_posix() for p in near]

@@ -134,6 +134,5 @@ def test_the_command_says_who_noticed_and_what_nobody_did(checkout, capsys, monk
         assert (f["mutant"]["line"] == 16) == (f["noticed_by"] == ""), f
         assert f["noticed_by"].rpartition("::")[2] in ("", "test_clipped", "test_limit")
     assert 0 < told["score"] <= 1
-    again = mutate_python(checkout, [what], seed=5, jobs=2)
-    assert again.score == told["score"]
+    assert mutate_python(checkout, [what], seed=5, jobs=2).score == told["score"]
     assert {p: p.read_bytes() for p in checkout.rglob("*.py")} == before

@@ -45,8 +45,7 @@ def preprocessed(path: Path, defines: Sequence[str] = ()) -> str:
     # Its own <stdint.h>, which has types and no more.
     flags = ["-E", "-std=c99", "-ffreestanding", f"-I{path.parent}", *(f"-D{n}" for n in defines)]
     command = [find_compiler("gcc", "gcc"), *flags, path]
-    done = run_tool(command, failed=f"the preprocessor refused {path.name}")
-    return done.stdout
+    return run_tool(command, failed=f"the preprocessor refused {path.name}").stdout
 
 
 class Reader(COperators):
@@ -76,8 +75,7 @@ class Reader(COperators):
                 return node
 
     def _number(self, node: Any) -> CType:
-        plain = self._plain(node)
-        name = " ".join(getattr(plain, "names", ["?"]))
+        name = " ".join(getattr(self._plain(node), "names", ["?"]))
         if name not in BASIC:
             raise RefusedError(node, f"type '{name}'")
         return BASIC[name]
@@ -89,8 +87,7 @@ class Reader(COperators):
             for part in plain.decls or ():
                 self._layout(f"{path}.{part.name}", part.type)
         elif isinstance(plain, c_ast.ArrayDecl):
-            size = self._value(plain.dim, {}, {}).constant
-            for i in range(size or 0):
+            for i in range(self._value(plain.dim, {}, {}).constant or 0):
                 self._layout(f"{path}[{i}]", plain.type)
         else:
             self.fields[path] = self._number(plain)

@@ -155,8 +155,7 @@ def prove_drive(
     device: Device, real: str, free: bool = False, change: Callable[[str, str], str] | None = None
 ) -> EvaResult:
     """Analyse a whole device: its tasks, latches and conversions, with all its Blocks."""
-    fmt = FORMATS[real]
-    renderer = Renderer(device.system, fmt, format_hash(device, real), "-", device.title)
+    renderer = Renderer(device.system, FORMATS[real], format_hash(device, real), "-", device.title)
     files = renderer.files()
     # The marks of a run are plain accesses here: one thread.
     own = f"{renderer.prefix}.c"

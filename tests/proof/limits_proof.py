@@ -220,12 +220,10 @@ def _memory(s: Step) -> str:
 
 @_holds("a cause that the status word shows cuts, and so does every reason")
 def _shown_cause(s: Step) -> str:
-    flags = next(p for p in s.block.outputs if p.name == "status").flags
-    names = [f.name for f in flags]
+    names = [f.name for f in next(p for p in s.block.outputs if p.name == "status").flags]
     causes = [*names[: names.index("TORQUE_CLIPPED")], "CLOCK", "LATE", "COEFFICIENTS"]
     causes += names[names.index("COEFFICIENTS") + 1 :]
-    shown = [s.flag(n) for n in causes]
-    return implied(some(*shown, s.out("fault").differs(0)), s.cut)
+    return implied(some(*[s.flag(n) for n in causes], s.out("fault").differs(0)), s.cut)
 
 
 # The latch.
@@ -316,8 +314,7 @@ def _zero_memory(s: Step) -> str:
 @_holds("the memory that init writes is latched with reason 1, whatever comes first")
 def _initial_memory(s: Step) -> str:
     start = every(*(now.equals(written) for now, written in s.initial))
-    not_armed = s.out("fault").equals(int(Fault.NOT_ARMED))
-    return implied(start, every(s.cut, not_armed))
+    return implied(start, every(s.cut, s.out("fault").equals(int(Fault.NOT_ARMED))))
 
 
 @_holds("a whole request is remembered, so that it counts once")
@@ -435,8 +432,7 @@ SAID = {"unsat": "proven", "sat": "broken"}
 
 def _proved(step: Step, names: list[str], limit_s: int) -> dict[str, Answer]:
     """Answers for some properties: together, and one by one where that fails."""
-    together = every(*(PROPERTIES[n].formula(step) for n in names))
-    answer = _asked(step, together, limit_s)
+    answer = _asked(step, every(*(PROPERTIES[n].formula(step) for n in names)), limit_s)
     if answer.said == "unsat" or len(names) == 1:
         return dict.fromkeys(names, answer)
     return {n: _proved(step, [n], limit_s)[n] for n in names}

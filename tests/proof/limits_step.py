@@ -109,12 +109,10 @@ class Step:
         self.written = self.reader.terms(self.memory)
 
     def _port(self, group: str, name: str) -> Any:
-        ports = getattr(self.block, GROUPS[group])
-        return next(p for p in ports if p.name == name)
+        return next(p for p in getattr(self.block, GROUPS[group]) if p.name == name)
 
     def _place(self, group: str, name: str, index: int | None) -> str:
-        port = self._port(group, name)
-        at = "" if port.size == 1 else f"[{index or 0}]"
+        at = "" if self._port(group, name).size == 1 else f"[{index or 0}]"
         return f"{group}.{name}{at}"
 
     def _number(self, group: str, name: str, index: int | None, term: str | None) -> Number:
@@ -148,8 +146,7 @@ class Step:
 
     def flag(self, name: str) -> str:
         """Whether a bit of the status word is set."""
-        names = [f.name for f in self._port("out", "status").flags]
-        at = names.index(name)
+        at = [f.name for f in self._port("out", "status").flags].index(name)
         status = self.written[self._place("out", "status", None)]
         return f"(= ((_ extract {at} {at}) {status}) #b1)"
 

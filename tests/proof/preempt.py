@@ -62,8 +62,7 @@ class PreemptionResult:
 
 def instructions_of(image: FirmwareImage, functions: Sequence[str]) -> list[int]:
     """Addresses of every instruction of some functions, by the disassembler."""
-    tool = find_compiler(*ARM_GCC.tool("objdump"))
-    command = [tool, "-d", "--no-show-raw-insn", str(image.elf)]
+    command = [find_compiler(*ARM_GCC.tool("objdump")), "-d", "--no-show-raw-insn", str(image.elf)]
     said = run_tool(command, failed="objdump failed").stdout
     found: list[int] = []
     name = ""

@@ -119,8 +119,7 @@ def undefined_behaviour(
         for task in () if blocks else device.system.tasks:
             runner = library.task(task.name)
             runner.prepare(zeros_missing(library.system))
-            inputs = _task_inputs(device.system, task, steps)
-            runner.run(inputs, trace=False)
+            runner.run(_task_inputs(device.system, task, steps), trace=False)
             runs, taken = runs + 1, taken + steps
     reports = tuple(line for line in said if "runtime error" in line)
     return SanitizerRun("undefined", real, runs, taken, reports)

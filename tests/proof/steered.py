@@ -37,8 +37,7 @@ class SteeredProcessor(HeldProcessor):
         kept = [self.register(n) for n in used]
         self.write(scratch, STORE_R1_AT_R0)
         # Where it stands may be conditional (an IT block); the store is not.
-        given = (address, value, scratch, kept[-1] & ~IF_THEN)
-        for number, held in zip(used, given, strict=True):
+        for number, held in zip(used, (address, value, scratch, kept[-1] & ~IF_THEN), strict=True):
             self.set_register(number, held)
         self.ask("s")
         for number, held in zip(used, kept, strict=True):

@@ -136,12 +136,9 @@ def test_a_coefficient_outside_its_promise_is_found():
         if name != "esea_elbow_velocity.c":
             return text
         at = text.index("coeffs->alpha = ")
-        end = text.index(";", at)
-        wrong = "coeffs->alpha = params->bandwidth_Hz"
-        return text[:at] + wrong + text[end:]
+        return text[:at] + "coeffs->alpha = params->bandwidth_Hz" + text[text.index(";", at) :]
 
-    found = prove_block(device, device.velocity, fault)
-    assert any("alpha" in u for u in found.unproven)
+    assert any("alpha" in u for u in prove_block(device, device.velocity, fault).unproven)
 
 
 HIGH_WORD = "the high word of a product, taken through unsigned words: at most half of its factor"

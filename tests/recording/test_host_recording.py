@@ -183,8 +183,7 @@ def test_no_changed_byte_and_no_cut_leaves_a_complete_recording(tmp_path, compre
     random = Random(7)
     one_by_one = {rows[i : i + 8] for i in range(0, 48, 8)}
     for at in range(0, len(data), 5 if compress else 2):
-        byte = data[at]
-        flipped = bytes([byte ^ 1 << random.randrange(8)])
+        flipped = bytes([data[at] ^ 1 << random.randrange(8)])
         for changed in (data[:at], data[:at] + flipped + data[at + 1 :]):
             path.write_bytes(changed)
             try:

@@ -106,9 +106,7 @@ def test_a_flipped_bit_of_the_file_leaves_its_piece_unproven(recorded, tmp_path)
 
 def test_behind_a_gap_the_proof_goes_on_at_a_key_frame(recorded, tmp_path):
     """A piece cut out of the middle: less is proven, and how much is reported."""
-    log = esea_host.open_log(recorded)
-    pieces = log.pieces
-    largest = max(pieces[1:-1], key=lambda p: p.end - p.offset)
+    largest = max(esea_host.open_log(recorded).pieces[1:-1], key=lambda p: p.end - p.offset)
     data = recorded.read_bytes()
     path = tmp_path / "b.mcap"
     path.write_bytes(data[: largest.offset] + data[largest.end :])

@@ -220,7 +220,6 @@ def test_a_predictive_controller_has_a_page(findings, monkeypatch):
     found = gather(device)
     assert found.passed
     assert found.command == "esea-gen report elbow_drive --controller mpc"
-    text = Page(found.html()).text
-    assert "predictive: " in text
+    assert "predictive: " in Page(found.html()).text
     kernels = {k["block"] for k in found.to_dict()["code"]["kernels"]}
     assert {b.name for b in device.system.kinds} - kernels == {"predictive"}

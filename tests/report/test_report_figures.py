@@ -53,8 +53,7 @@ def test_a_page_stays_small_and_keeps_peaks(n):
 def test_torque_its_error_and_its_rounding_stand_in_the_unit_of_their_axis():
     c = curve(held_out=np.isin(np.arange(400), [5, 6, 7, 20]))
     rounding_Nm = 2.5e-6 * np.cos(c.time_s)
-    figure = over_time(c, 10_000, FULL_SCALE_NM, (c.time_s, rounding_Nm))
-    torque, error, rounding = figure.axes
+    torque, error, rounding = over_time(c, 10_000, FULL_SCALE_NM, (c.time_s, rounding_Nm)).axes
     assert max(lines(torque)["C, float32"][2]) == pytest.approx(3.0, abs=0.001)
     # A torque that is 0.447 Nm too high everywhere, of 4.47 Nm: 10 per cent.
     assert error.get_ylabel().endswith("% full scale")

@@ -142,8 +142,7 @@ def test_intervals_and_bands_are_those_of_the_identification(at):
     for name, low, high in (("5-25 %", 0.05, 0.25), ("75-100 %", 0.75, 1.0)):
         for key, rows in (("samples", training), ("held_out", unseen)):
             share = np.abs(r.tau_Nm[rows]) / scale
-            count = int(np.sum((share > low) & (share <= high)))
-            assert worth[name, None][key] == count
+            assert worth[name, None][key] == int(np.sum((share > low) & (share <= high)))
     # Of a sine, by its true rate: the board's estimate lags and is smoothed.
     most = content["domain"]["omega_max_rad_s"]
     omega = np.abs(np.gradient(r.theta_rad, r.time_s))[training] / most

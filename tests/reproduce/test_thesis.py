@@ -127,8 +127,7 @@ def test_numbers_that_follow_from_what_is_printed(quiet):
     assert gains["sum of the coefficients"] == pytest.approx(1.028)
     assert gains["gain at 50 Hz"] == pytest.approx(0.55 / 1.028, rel=0.01)
     assert gains["gain at 160 Hz"] == pytest.approx(0.89 / 1.028, rel=0.01)
-    knee = quiet("knee_swapped")
-    assert knee == {
+    assert quiet("knee_swapped") == {
         "knee_printed": pytest.approx(0.04, abs=0.005),
         "knee": pytest.approx(0.24, abs=0.005),
     }
@@ -203,8 +202,7 @@ def test_other_files_are_refused(host_files, tmp_path):
         path.write_text(text)
         with pytest.raises(UserError, match=said):
             HostResults.read([path])
-    content = json.loads(host_files[0].read_text())
-    path.write_text(json.dumps(content | {"simulated": False}))
+    path.write_text(json.dumps(json.loads(host_files[0].read_text()) | {"simulated": False}))
     with pytest.raises(UserError, match="people took part"):
         HostResults.read([path])
     path.write_text(json.dumps({"simulated": True, "tables": {}}))

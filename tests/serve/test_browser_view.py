@@ -75,8 +75,7 @@ def test_stop_reaches_the_board_and_only_the_board_confirms_it(feed, url, tab, k
     until(lambda: seen(tab, "state") == "UNREFERENCED")
     assert not tab.evaluate("page.badge.hidden")
     if key == "touch":
-        points = [{"x": 940, "y": 50}]
-        tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=points)
+        tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": 940, "y": 50}])
     for held_down in (False, True) if key != "touch" else ():
         tab.call("Input.dispatchKeyEvent", type="keyDown", key=key, autoRepeat=held_down)
     # The board's clock stands still: nothing has been confirmed.

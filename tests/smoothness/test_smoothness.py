@@ -110,8 +110,7 @@ def test_minimum_jerk_in_closed_form():
 def test_spectral_arc_length_of_a_gauss_bell_by_quadrature():
     """Its spectrum is a Gauss bell: the arc up to where that falls to 5 % is an integral."""
     width_s, fs_Hz = 0.1, 1000.0
-    t = np.arange(-1, 1, 1 / fs_Hz)
-    speed = np.exp(-0.5 * (t / width_s) ** 2)
+    speed = np.exp(-0.5 * (np.arange(-1, 1, 1 / fs_Hz) / width_s) ** 2)
     end_Hz = math.sqrt(2 * math.log(20)) / (2 * math.pi * width_s)
 
     def slope(f):
@@ -176,8 +175,7 @@ def test_duration_does_not_matter_to_the_reference(bell_list, factor):
     assert sparc(speed, 400.0, cutoff_Hz=40.0).value == pytest.approx(one, rel=1e-9)
     # The thesis' exponent of T is two too many, and its sum has no time step.
     slower = ldlj(speed, 200.0 * factor, "thesis").value
-    expected = ldlj(speed, 200.0, "thesis").value - math.log(factor)
-    assert slower == pytest.approx(expected, rel=1e-9)
+    assert slower == pytest.approx(ldlj(speed, 200.0, "thesis").value - math.log(factor), rel=1e-9)
 
 
 @given(bells)

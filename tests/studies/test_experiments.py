@@ -45,8 +45,7 @@ def rms(study: str, controller: str, plant: str = "real", case: int = 0) -> floa
     found = load_study(study, ClosedLoopStudy).cases()[case]
     if len(found.trajectory.tau_desired_Nm) > 25000:
         found = shorter(found, 25)
-    run = run_case(found, Setting(controller, plant, person), seed=1)
-    figures = judge(found, run, 0.221)
+    figures = judge(found, run_case(found, Setting(controller, plant, person), seed=1), 0.221)
     assert not figures["unstable"]
     assert not figures["fault"]
     return figures["rms_true_Nm"]
@@ -167,8 +166,7 @@ def at_rate(folder, rate_Hz: float, control_Hz: float) -> str:
 )
 def test_any_sensing_rate_is_simulated(tmp_path, rate_Hz, control_Hz):
     case = shorter(TuningCase().cases()[0], 18)
-    setting = Setting(at_rate(tmp_path, rate_Hz, control_Hz))
-    run = run_case(case, setting, 0)
+    run = run_case(case, Setting(at_rate(tmp_path, rate_Hz, control_Hz)), 0)
     # Told and judged in seconds, not in samples: a signal at another speed misses by more than 1.
     assert len(run) == len(case.trajectory.tau_desired_Nm)
     assert run.time_s[-1] == pytest.approx((len(run) - 1) / 1000)
@@ -198,8 +196,7 @@ def test_step_frequency_and_output_impedance():
     # At rest it hunts by little more than one count of an encoder is worth (1.5 mrad, 14 mNm).
     assert all(m.tail_rms < 0.022 for m in steps.values())
     (response,) = simulate("frequency", Setting("smc", "ideal")).kept.values()
-    band = response.bandwidth()
-    assert 3 < band.bandwidth_Hz < 8
+    assert 3 < response.bandwidth().bandwidth_Hz < 8
     assert response.gain[0] == pytest.approx(1, abs=0.07)
     (port,) = simulate("output-impedance", Setting("smc", "ideal", "ideal")).kept.values()
     # Transparent: far below the drive's own inertia where it follows, and rising with frequency.

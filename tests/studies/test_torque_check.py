@@ -169,8 +169,7 @@ def test_accuracy_is_the_limit_less_the_uncertainty(elbow, gain_error, known):
         (0.5 * (room + most), "cannot judge"),
         (1.03 * most, "fail"),
     ):
-        recorded = sensor(gain=1 + gain_error * error / TORQUE)
-        check = checked(elbow, recorded, known)
+        check = checked(elbow, sensor(gain=1 + gain_error * error / TORQUE), known)
         assert check.verdict == verdict
         assert failing(check) == (set() if verdict == "pass" else {"accuracy"})
         accuracy = [d for d in check.decisions if d.criterion == "accuracy"]
@@ -222,8 +221,7 @@ def test_known_torque_and_budget():
     assert 2 * r.u_torque_Nm == pytest.approx(expanded(r), rel=1e-4)
     # At the horizontal the angle's first-order part vanishes; Monte Carlo sees the second.
     level = KnownLoad(1.0, 0.2, 0.0, 0.0, 0.0, math.radians(8), u_g_m_s2=0.0)
-    rng = np.random.default_rng(3)
-    drawn = level.torque_Nm * np.cos(rng.normal(0, math.radians(8), 400_000))
+    drawn = level.torque_Nm * np.cos(np.random.default_rng(3).normal(0, math.radians(8), 400_000))
     assert level.u_torque_Nm == pytest.approx(np.std(drawn), rel=0.03)
 
 

@@ -107,8 +107,7 @@ def test_a_parameter_without_effect_is_not_chosen(monkeypatch):
 def test_the_printed_controller_needs_the_printed_layer_on_the_nominal_plant():
     """The thesis: phi was selected so that the surface did not saturate, at 1.5."""
     require_tool("gcc")
-    found = tune("smc-published", "ideal", parameter="phi_rad_s", values=(2.0, 1.0, 1.5))
-    (sweep,) = found.sweeps
+    (sweep,) = tune("smc-published", "ideal", parameter="phi_rad_s", values=(2.0, 1.0, 1.5)).sweeps
     assert [t.value for t in sweep.trials] == [1.0, 1.5, 2.0]
     assert sweep.chosen is not None
     assert sweep.chosen.value == 1.5

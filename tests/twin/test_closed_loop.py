@@ -193,8 +193,7 @@ def test_bit_for_bit(device, real, release, phase):
     expected = by_hand(board, both, stream(), dict(variant.values), 0.0)
     for name in run:
         late = phase if name == "command_Nm" else 0
-        column = np.array([row.get(name, 0.0) for row in expected])
-        assert np.array_equal(run[name], column), name
+        assert np.array_equal(run[name], np.array([row.get(name, 0.0) for row in expected])), name
         assert np.all(run[name][:late] == 0)
     assert np.ptp(run["tau_e_Nm"]) > 0.1
     assert np.ptp(run["u_Nm"]) > 0.01

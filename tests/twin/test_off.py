@@ -85,8 +85,7 @@ def test_a_second_relaxation_time(device, rigid, constant_s):
     values["relaxation_s"] = constant_s
     (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
     t = rigid.step_s * np.arange(1, len(delta) + 1)
-    branch = 3.0 * constant_s * (1 - np.exp(-t / constant_s))
-    assert both - alone == pytest.approx(branch, abs=2e-4)
+    assert both - alone == pytest.approx(3.0 * constant_s * (1 - np.exp(-t / constant_s)), abs=2e-4)
 
 
 @pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
@@ -96,20 +95,17 @@ def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
     assert runner.prepare({"encoders": values}) == 0
     n = 40_009  # no divisor in common with the counts of a turn
     theta = 2 * np.pi * (np.arange(n) + 0.5) / n
-    angles = {f"theta_{k}_rad": theta for k in "mlg"}
-    counts, _ = runner.run(angles, trace=False)
+    counts, _ = runner.run({f"theta_{k}_rad": theta for k in "mlg"}, trace=False)
     steps = 2 ** int(device.file.encoder.resolution_bits.value)
     phases = []
     for side in ("motor", "load"):
         read = 2 * np.pi * (counts[f"count_{side}"] + 0.5) / steps
-        error = np.angle(np.exp(1j * (read - theta)))
-        lines = np.fft.rfft(error) / (n / 2)
+        lines = np.fft.rfft(np.angle(np.exp(1j * (read - theta)))) / (n / 2)
         assert np.degrees(abs(lines[1])) == pytest.approx(deg, rel=0.01)
         assert np.degrees(np.abs(lines[2:50]).max()) < 0.003
         phases.append(np.angle(lines[1]))
     assert abs(phases[0] - phases[1]) > 0.1  # each its own
-    other = deviation(name, device, 4).values
-    assert other["motor_phase_1_rad"] != values["motor_phase_1_rad"]
+    assert deviation(name, device, 4).values["motor_phase_1_rad"] != values["motor_phase_1_rad"]
 
 
 # -- delay and missed runs in the loop ------------------------------------------------------------

@@ -77,9 +77,7 @@ def test_what_the_hands_do_not_spend_on_the_cuff_reaches_the_limb(plant):
 def test_away_from_the_dead_zone_it_is_the_exact_inverse(plant, knee, slow):
     """Deflection from the torque through the model: the other way to it, solved and not moved."""
     t, tau, angle, run = slow
-    block = exact_inverse(knee)
-    inverse = compile_block(block)
-    want, _ = inverse.run({"tau_Nm": run.tau_true_Nm}, trace=False)
+    want, _ = compile_block(exact_inverse(knee)).run({"tau_Nm": run.tau_true_Nm}, trace=False)
     theta_l = np.interp(run.time_s, t, angle)
     # The limb's own torque, in the plant's step.
     h = np.arange(len(t) * round(0.002 / STEP_S)) * STEP_S
@@ -130,8 +128,7 @@ def test_its_own_c_reads_the_torque(slow):
 
 def test_the_same_seed_the_same_run(twin, slow):
     t, tau, angle, run = slow
-    again = twin.run(t, tau, angle, np.random.default_rng(3))
-    assert np.array_equal(again.tau_Nm, run.tau_Nm)
+    assert np.array_equal(twin.run(t, tau, angle, np.random.default_rng(3)).tau_Nm, run.tau_Nm)
     assert not np.array_equal(twin.run(t, tau, angle, np.random.default_rng(4)).tau_Nm, run.tau_Nm)
 
 

@@ -146,8 +146,7 @@ def integrate(p: dict, u_ms: np.ndarray, path) -> np.ndarray:
     y, turn, rows = np.zeros(8), (0.0, np.zeros(10)), []
     for k, u in enumerate(u_ms):
         span = (k * 1e-3, (k + 1) * 1e-3)
-        arguments = (u, turn, p, path)
-        done = solve_ivp(slopes, span, y, "LSODA", args=arguments, rtol=1e-8, atol=1e-10)
+        done = solve_ivp(slopes, span, y, "LSODA", args=(u, turn, p, path), rtol=1e-8, atol=1e-10)
         y = done.y[:, -1]
         rows.append([*y, torque_of(y, turn)])
         delta = y[2] - y[4]
@@ -214,8 +213,7 @@ def test_against_an_independent_integrator(device, rigid, cabled, kind, person, 
 
 
 def test_lag_of_the_motor(rigid):
-    u = np.full(500, 0.05)
-    got = rigid.run(u, tau_c_s=0.02, clamped=1)
+    got = rigid.run(np.full(500, 0.05), tau_c_s=0.02, clamped=1)
     assert got["u_a_Nm"] == pytest.approx(0.05 * -np.expm1(-got["t"] / 0.02), rel=1e-12)
     # Beyond what the drive follows, its limit stands for the command.
     got = rigid.run(np.full(500, -3.0), tau_c_s=0.02, clamped=1)
@@ -281,8 +279,7 @@ def test_joint_stops_hold(rigid, sign):
     )
     limit = 3.0 if sign > 0 else -0.6
     # The person's spring against the stop's: 15 (5 - x) = 5000 (x - limit).
-    expected = (15 * target + 5000 * limit) / 5015
-    assert got["theta_l_rad"][-1] == pytest.approx(expected, abs=2e-4)
+    assert got["theta_l_rad"][-1] == pytest.approx((15 * target + 5000 * limit) / 5015, abs=2e-4)
     assert np.max(np.abs(got["theta_l_rad"])) < abs(limit) + 0.1
 
 

@@ -101,5 +101,4 @@ def test_a_known_future_is_that_of_the_intervals_ends():
         assert found["tau_preview_Nm"][tick].tolist() == (4 * at).tolist()
         assert found["theta_preview_rad"][tick].tolist() == at.tolist()
         assert found["omega_preview_rad_s"][tick].tolist() == (2 * at).tolist()
-    late = found["theta_preview_rad"][170].tolist()
-    assert late == [187, 202, 217, 247, 277, 299]
+    assert found["theta_preview_rad"][170].tolist() == [187, 202, 217, 247, 277, 299]

@@ -83,8 +83,7 @@ def test_unseen_the_angle_rests_at_its_end_and_comes_back(block, end, way):
     angle = np.concatenate([theta, np.full(600, np.nan), np.full(900, getattr(port, end))])
     stream = Stream("unseen", {"theta_load_rad": angle, "tau_Nm": 0 * angle}, rough=True)
     y, s = run_symbolic(block, stream)
-    clipped = y["status"].astype(int) & bit(block, "ANGLE_CLIPPED") != 0
-    rests = np.flatnonzero(clipped)
+    rests = np.flatnonzero(y["status"].astype(int) & bit(block, "ANGLE_CLIPPED") != 0)
     assert 200 < rests[0] < 400
     assert rests[-1] < 800
     # The rate goes with the angle: both rest, and the angle within a step's room of the port's end.
@@ -106,8 +105,7 @@ def test_verify_fails_when_an_assumption_is_broken(drive, block, monkeypatch):
 
     def own(rough):
         theta = single(port.low + np.minimum(1e-3 * 2 * limit * np.arange(150), 3.0))
-        inputs = {"theta_load_rad": theta, "tau_Nm": 0 * theta}
-        return Stream("too fast", inputs, rough=rough)
+        return Stream("too fast", {"theta_load_rad": theta, "tau_Nm": 0 * theta}, rough=rough)
 
     def verified(rough):
         generated = streams(block)[:3]
@@ -123,8 +121,7 @@ def test_verify_fails_when_an_assumption_is_broken(drive, block, monkeypatch):
     found, fast = verified(rough=True)
     assert fast.passed
     assert fast.rule == ONE_STEP
-    data = found.to_dict()["comparisons"]
-    assert all(c["steps_beyond_the_bounds_assumptions"] > 0 for c in data)
+    assert all(c["steps_beyond_the_bounds_assumptions"] > 0 for c in found.to_dict()["comparisons"])
     assert not found.passed
     assert any("was not tested" in text for text in found.comparisons[0].problems)
 

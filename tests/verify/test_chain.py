@@ -113,8 +113,7 @@ def test_the_worst_of_a_search_is_found_again(elbow, elbow_f64, elbow_f32):
     # The two Blocks together are worse than the sensor alone (2e-6 Nm), and within the aim.
     assert 1e-5 < worst.error_Nm < 2e-3
     assert found.passed
-    few = search_chain(elbow, ("f32",), trials=2, seed=3).errors[0]
-    assert few.error_Nm <= worst.error_Nm
+    assert search_chain(elbow, ("f32",), trials=2, seed=3).errors[0].error_Nm <= worst.error_Nm
 
 
 def test_fixed_point_comes_to_rest_where_double_precision_does(elbow, elbow_f64):
@@ -144,8 +143,7 @@ def test_white_counts_are_smoothed_by_the_filters_own_gain(elbow, bits):
     m[3] = (1 - g) * np.array([0, H, H * H / 2, 1])
     gains = np.array([*k, g])
     left = np.sqrt(solve_discrete_lyapunov(m, np.outer(gains, gains))[3, 3])
-    rng = np.random.default_rng(4)
-    noise = COUNT[bits] * (rng.uniform(-0.5, 0.5, (2, 200_000)).sum(axis=0))
+    noise = COUNT[bits] * (np.random.default_rng(4).uniform(-0.5, 0.5, (2, 200_000)).sum(axis=0))
     device = with_numbers(elbow, {"encoder.resolution_bits": bits})
     given = smoothed(compile_device(device, "f64"), 0.05 + noise)["theta_rad"]
     assert np.std(given[1000:]) == pytest.approx(COUNT[bits] * left / np.sqrt(6), rel=0.05)
@@ -160,5 +158,4 @@ def test_an_invalid_sample_shows_in_the_sensors_own_status(elbow, real):
     for word in ("sensor_status", "smoothing_status", "velocity_status"):
         assert (np.array(got[word]).astype(int) & 1).astype(bool).tolist() == bad.tolist()
     # The sensor stands where it was: nothing but the Maxwell element moves.
-    held = np.array(got["tau_spring_Nm"])[199:205]
-    assert np.ptp(held) == 0
+    assert np.ptp(np.array(got["tau_spring_Nm"])[199:205]) == 0

@@ -54,8 +54,7 @@ def test_without_a_stream_the_coverage_falls_and_says_where(elbow):
     assert any(
         "tau_r_Nm ((3.3)): fmax never 'second is greater'" in text for text in less.uncovered
     )
-    chirp = [s for s in streams(block) if s.name == "chirp"]
-    least = branch_coverage(block, chirp)
+    least = branch_coverage(block, [s for s in streams(block) if s.name == "chirp"])
     assert least.ratio < less.ratio - 0.1
     assert any("state_ok" in text and "never" in text for text in least.uncovered)
     assert least.to_dict()["covered"] == least.sides - len(least.uncovered)
@@ -121,8 +120,7 @@ def test_the_bits_show_a_fault(elbow, old, new):
     found = [setup_difference(elbow.sensor, library)]
     for stream in shipped(elbow, elbow.sensor):
         expected = exact_trajectory(elbow.sensor, library, stream, None)
-        run = run_c(library.block("sensor"), stream)
-        found.append(expected.first_difference(*run))
+        found.append(expected.first_difference(*run_c(library.block("sensor"), stream)))
     assert any(found)
 
 

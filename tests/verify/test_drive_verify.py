@@ -78,8 +78,7 @@ def f32_faulty(drive):
 
 def test_a_fault_in_each_block_is_seen_in_f32_and_told_by_name(drive, f32_faulty, monkeypatch):
     monkeypatch.setattr(equivalence, "compile_device", lambda *_: f32_faulty)
-    names = [*FAULTS, *SOUND]
-    arguments = [x for name in names for x in ("--block", name)]
+    arguments = [x for name in [*FAULTS, *SOUND] for x in ("--block", name)]
     kept = []
     original = equivalence.verify
 
@@ -134,8 +133,7 @@ def test_an_unknown_block_is_refused(drive):
     with pytest.raises(UserError, match=r"no Block 'limit'\.") as error:
         verify(drive, ["f32"], blocks=["limit"])
     assert "limits" in str(error.value.fix)
-    done = CliRunner().invoke(app, ["mutate", "elbow_drive", "--block", "nothing"])
-    assert done.exit_code != 0
+    assert CliRunner().invoke(app, ["mutate", "elbow_drive", "--block", "nothing"]).exit_code != 0
 
 
 # -- sanitizers ------------------------------------------------------------------------------------

@@ -66,8 +66,7 @@ def test_a_fault_begins_at_its_tick_and_touches_its_encoder_alone(sound, side, c
 def test_what_each_kind_makes_of_the_angle(sound):
     after = slice(4000, 4005)  # before the loop can answer
     truth = sound.plant["count_load"]
-    frozen = run("freeze:load@4").plant["count_load"]
-    assert set(frozen[4000:]) == {truth[4000]}
+    assert set(run("freeze:load@4").plant["count_load"][4000:]) == {truth[4000]}
     # The gear's encoder turns 74 times as far as the joint and has 17 bits.
     gear = run("drift:gear@4=0.05").plant["count_gear"]
     expected = np.floor(0.05e-3 * np.arange(5) * 74 * 2**17 / (2 * np.pi))
@@ -240,8 +239,7 @@ def test_the_command_writes_the_table_by_person(tmp_path):
     done = run_cli(*call, "--controller", "cascade,smc", "--json", out, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "simulated" in done.stdout
-    content = json.loads(out.read_text())
-    worst, *people = content["people"]
+    worst, *people = json.loads(out.read_text())["people"]
     assert {r["name"] for r in people} == set(SUBJECTS)
     for column, by_law_Nm in worst["by_law_Nm"].items():
         assert list(by_law_Nm) == ["cascade", "smc"]

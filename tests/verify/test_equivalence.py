@@ -163,8 +163,7 @@ def test_any_stream_gives_the_same_bits_in_f64(elbow, elbow_f64, theta, omega):
 def test_the_task_is_its_blocks_wired(elbow, elbow_f64, elbow_f32, real):
     library = elbow_f64 if real == "f64" else elbow_f32
     theta = domain_chirp(elbow, 2.0)
-    task = library.task("sense")
-    got, _ = task.run({"theta_rad": theta})
+    got, _ = library.task("sense").run({"theta_rad": theta})
     rates, _ = library.block("velocity").run({"theta_rad": theta})
     given = {"theta_rad": theta, "omega_rad_s": rates["omega_mid_rad_s"]}
     smooth, _ = library.block("smoothing").run(given)

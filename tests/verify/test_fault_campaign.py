@@ -184,8 +184,7 @@ def test_a_broken_promise_is_seen(monkeypatch, tmp_path):
         assert {r.found_ticks for r in slow.outside} >= {None, 3}
     # The same figures came from the journal: nothing was run again.
     assert [r.found_ticks for r in slow.runs] == [r.found_ticks for r in made.runs]
-    figure = made.figure()
-    assert "simulated" in figure.axes[0].get_title(loc="left")
+    assert "simulated" in made.figure().axes[0].get_title(loc="left")
 
 
 def test_a_device_without_a_drive_is_refused(tmp_path):

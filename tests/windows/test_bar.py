@@ -332,5 +332,4 @@ def test_zero_during_motion_is_refused_with_the_reason_and_a_failed_one_is_told(
     ],
 )
 def test_what_a_state_allows(state, given, allowed):
-    found = refusals(state, **given)
-    assert {name for name, reason in found.items() if not reason} == allowed
+    assert {name for name, reason in refusals(state, **given).items() if not reason} == allowed

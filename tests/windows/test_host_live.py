@@ -133,8 +133,7 @@ def test_the_picture_is_of_what_came_and_stands_still_while_paused(seen, qtbot, 
     window, feed = seen
     torque = window.panels[0]
     assert [s.label for s in torque.signals] == ["wanted", "set", "measured"]
-    wanted = torque.curves[0].getData()[1]
-    assert np.nanmax(wanted) == pytest.approx(1.5, abs=0.01)
+    assert np.nanmax(torque.curves[0].getData()[1]) == pytest.approx(1.5, abs=0.01)
     degrees = window.panels[1].curves[0].getData()[1]
     bend_rad = feed.rings["sense_out"].last(2000).rows["theta_rad"]
     assert np.nanmax(degrees) == pytest.approx(np.degrees(bend_rad.max()), rel=1e-5)
@@ -227,8 +226,7 @@ def test_parameters_out_of_bounds_are_not_sent_and_changes_are_shown_first(seen)
     feed.device.advance(0.1)
     editor.read()
     feed.ask()
-    names = [p.name for p in editor.known]
-    row = names.index("smc.lambda_1_s")
+    row = [p.name for p in editor.known].index("smc.lambda_1_s")
     low, new = editor.known[row].low, editor.table.item(row, 2)
     held = feed.device.parameters()["smc.lambda_1_s"]
     assert float(new.text()) == pytest.approx(held)
@@ -260,8 +258,7 @@ def test_pictures_for_the_manual(seen, dark, pictures):
     picture = window.grab()
     assert picture.save(str(pictures / ("host-live-dark.png" if dark else "host-live.png")))
     image = picture.toImage()
-    ground = image.pixelColor(image.width() // 3, image.height() // 2 - 4)
-    assert (ground.lightness() < 90) == dark
+    assert (image.pixelColor(image.width() // 3, image.height() // 2 - 4).lightness() < 90) == dark
 
 
 def test_what_a_board_says_is_text(seen):

@@ -156,8 +156,7 @@ def test_panels_that_share_an_axis_go_together_and_others_stay(tab, text, figure
     before = {(k, w): ticks(tab, k, w) for k in range(4) for w in "xy"}
     zoomed(tab, 0)
     after = {(k, w): ticks(tab, k, w) for k in range(4) for w in "xy"}
-    changed = {key for key in before if before[key] != after[key]}
-    assert changed == {(0, "x"), (0, "y"), (1, "x")}
+    assert {key for key in before if before[key] != after[key]} == {(0, "x"), (0, "y"), (1, "x")}
     check_ticks(tab, figure, 1, "x", SPAN_X)
 
 

@@ -144,8 +144,7 @@ HOSTILE = {
 def test_hostile_files_are_refused_with_their_name(how, calibration, tmp_path):
     old, new, told = HOSTILE[how]
     path = save_calibration(tmp_path / "wrist.toml", calibration)
-    text = re.sub(old, new, path.read_text(), count=1)
-    path.write_bytes(text.encode(errors="surrogateescape"))
+    path.write_bytes(re.sub(old, new, path.read_text(), count=1).encode(errors="surrogateescape"))
     with pytest.raises(UserError, match=told) as refused:
         load_calibration(path)
     assert path.name in str(refused.value)

@@ -31,8 +31,7 @@ def answered(effect):
         TableLine("RMS speed error", "%", 4, note="one value a person: nothing to compare"),
         TableLine("nobody's", "deg", 0, note="nobody has both values"),
     )
-    titles = ("7.1 validation, RU", "7.4 states")
-    return WristResult(True, 4, dict.fromkeys(titles, lines), {}, {})
+    return WristResult(True, 4, dict.fromkeys(("7.1 validation, RU", "7.4 states"), lines), {}, {})
 
 
 def test_effects_are_those_of_the_tables():

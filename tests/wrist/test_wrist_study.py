@@ -49,8 +49,7 @@ RATE = 18.0 / 5.0
 
 def test_target_dynamics_against_an_integrator():
     """Equation 7.7 by scipy's solver, with a cursor that moves evenly between samples."""
-    rng = np.random.default_rng(2)
-    cursor = np.cumsum(rng.normal(size=60)) * 0.4
+    cursor = np.cumsum(np.random.default_rng(2).normal(size=60)) * 0.4
     target, h = Moving(4.0), 0.01
     for a, b in pairwise(cursor):
         speed = (b - a) / h
@@ -109,8 +108,7 @@ PAST = (*rows_of(False, 50.0, 0.25), *rows_of(True, 6.0, 0.2))
 
 def catch(**given):
     task = task_named("wrist.catch", "")
-    situation = Situation(task.Parameters(**given), "", PAST, 1)
-    return task, task.begin(situation)
+    return task, task.begin(Situation(task.Parameters(**given), "", PAST, 1))
 
 
 def played(task, state, cursors):
@@ -132,8 +130,7 @@ def test_a_stationary_target_is_caught_after_750_ms():
     assert row["achieved"]
     assert row["reach_time_s"] == pytest.approx(0.75 + 0.11, abs=0.03)
     assert [s.role for s in step.scene.shapes] == ["boundary", "origin", "target", "cursor"]
-    near = played(task, state, home + [2.1] * 2000)
-    assert near.outcome.row["achieved"]
+    assert played(task, state, home + [2.1] * 2000).outcome.row["achieved"]
     far = played(task, state, home + [1.9] * 2000)
     assert not far.outcome.row["achieved"]
     assert far.outcome.row["reach_time_s"] == pytest.approx(10.0, abs=0.02)
@@ -167,8 +164,7 @@ def test_a_hand_that_does_not_rest_has_no_neutral_position():
 
 def test_who_pulls_away_first_is_told_apart():
     task, state = catch(axis="RU", stationary=True)
-    away = [0.0] * 60 + [-3.0] * 30 + [6.0] * 30 + [4.0] * 100
-    row = played(task, state, away).outcome.row
+    row = played(task, state, [0.0] * 60 + [-3.0] * 30 + [6.0] * 30 + [4.0] * 100).outcome.row
     assert row["pulled_away"]
     assert after_effect_deg(row, True) == pytest.approx(-7.0)
     assert after_effect_deg(row, False) == pytest.approx(-2.0)
@@ -272,8 +268,7 @@ def gcc():
 
 def test_minimum_jerk_is_the_closed_form():
     s = np.linspace(0, 1, 11)
-    x = np.array([minimum_jerk(v) for v in s])
-    assert x == pytest.approx(10 * s**3 - 15 * s**4 + 6 * s**5)
+    assert np.array([minimum_jerk(v) for v in s]) == pytest.approx(10 * s**3 - 15 * s**4 + 6 * s**5)
     assert (minimum_jerk(-1), minimum_jerk(2)) == (0.0, 1.0)
 
 
