@@ -7,15 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from esea_gen.analysis import plots
 from esea_gen.analysis.frequency import FrequencyResponse, OutputImpedance
-from esea_gen.analysis.plots import (
-    bode,
-    crossed,
-    impedance_panels,
-    rms_by_case,
-    save,
-    torque_tracking,
-)
 from esea_gen.errors import UserError
 from esea_gen.plotting import INK, MEASURED, MODEL
 from tests.drawn_figures import bands, legend, line, lines, words
@@ -44,7 +37,7 @@ def torques_are_drawn(axes) -> None:
 
 
 def test_torque_over_time_with_its_errors_below(tmp_path):
-    figure = torque_tracking(*CURVES, title="case")
+    figure = plots.torque_tracking(*CURVES, title="case")
     above, below = figure.axes
     torques_are_drawn(above)
     assert words(above)["title"] == "case"
@@ -56,12 +49,12 @@ def test_torque_over_time_with_its_errors_below(tmp_path):
     assert (words(below)["x"], words(below)["y"]) == ("time, s", "error, N·m")
     assert legend(above) == ["modelled", "true", "desired"]
     for ending in ("png", "SVG"):
-        save(figure, tmp_path / f"x.{ending}")
+        plots.save(figure, tmp_path / f"x.{ending}")
         assert (tmp_path / f"x.{ending}").stat().st_size > 5000
     with pytest.raises(UserError, match="cannot be written"):
-        save(figure, tmp_path / "x.png" / "y.png")
+        plots.save(figure, tmp_path / "x.png" / "y.png")
     with pytest.raises(UserError, match=r"x.abc: cannot be drawn .*Format 'abc'"):
-        save(figure, tmp_path / "x.abc")
+        plots.save(figure, tmp_path / "x.abc")
 
 
 def response(gain, phase_deg=0.0, **more) -> FrequencyResponse:
@@ -73,7 +66,9 @@ def response(gain, phase_deg=0.0, **more) -> FrequencyResponse:
 def test_gain_phase_and_coherence_in_their_units():
     sigma = np.array([0.0, 0.05, 0.1, 0.2, 5.0])
     r = response(2.0 / np.array([1, 1, 1, 4, 8]), -30.0 * F, coherence=F / 5, sigma=sigma)
-    figure = bode([("smc", r, r.bandwidth()), ("mpc", *[response(1.0), response(1.0).bandwidth()])])
+    figure = plots.bode(
+        [("smc", r, r.bandwidth()), ("mpc", *[response(1.0), response(1.0).bandwidth()])]
+    )
     gain, phase, coherence = figure.axes
     dB, part = 20 * np.log10(r.gain), np.minimum(2 * sigma, 0.9)
     assert lines(gain)["smc"] == (MODEL, near(F), near(dB))
@@ -98,26 +93,26 @@ def test_gain_phase_and_coherence_in_their_units():
     assert coherence.xaxis.get_major_formatter()(0.5, 0) == "0.5"
     for start, text in ((0.5, "−6.02 dB"), (1.0, "0 dB")):
         low = response(start * np.array([1, 1, 1, 0.1, 0.1]))
-        assert legend(bode([("x", low, low.bandwidth())]))[1].endswith(text)
+        assert legend(plots.bode([("x", low, low.bandwidth())]))[1].endswith(text)
 
 
 def test_impedance_per_angle_and_its_phase_per_rate_whose_line_ends_where_it_goes_round():
     found = OutputImpedance.of(response(-2.0, [260, 269, 272, 280, 290]))
-    above, below = impedance_panels("smc", found).axes
+    above, below = plots.impedance_panels("smc", found).axes
     assert line(above.lines[0])[2] == near(2 + 0 * F)
     assert line(below.lines[0])[2] == near([170, 179, np.nan, -170, -160])
 
 
 def test_cases_that_ended_badly_are_crossed_wherever_they_stand():
-    figure = rms_by_case(["a", "b\nlong"], "mpc", np.array([1.0, 2.0]))
+    figure = plots.rms_by_case(["a", "b\nlong"], "mpc", np.array([1.0, 2.0]))
     figure.axes[0].set_title("smc: a: 3", loc="left")
     figure.axes[0].set_title("ab", loc="center")
-    assert crossed(figure, {}) is figure
+    assert plots.crossed(figure, {}) is figure
     assert figure.get_supxlabel() == ""
-    done = crossed(figure, {"a": "tripped", "long": "failed"})
+    done = plots.crossed(figure, {"a": "tripped", "long": "failed"})
     (axes,) = done.axes
     assert [t.get_text() for t in axes.get_xticklabels()] == ["✗ a", "✗ b\nlong"]
     assert (axes.get_title("left"), axes.get_title("center")) == ("✗ smc: a: 3", "ab")
     assert done.get_supxlabel() == "✗ a: tripped\n✗ long: failed"
-    many = crossed(figure, {str(k): "off" for k in range(9)}).get_supxlabel()
+    many = plots.crossed(figure, {str(k): "off" for k in range(9)}).get_supxlabel()
     assert many.endswith("\nand 3 more cases")

@@ -8,14 +8,8 @@ from random import Random
 import pytest
 
 from esea_gen.device import load_device
+from tests import firmware_harness as rig
 from tests.conftest import require_tool
-from tests.firmware_harness import (
-    build_application,
-    compiled,
-    registers_after_start,
-    said_by,
-    without_processor,
-)
 
 # ESEA_FAULT and ESEA_STATE, MAV_STATE of MAVLink, as the messages' definition numbers them.
 PREPARE_REFUSED, STACK_EXHAUSTED, PROCESSOR = 101, 102, 103
@@ -29,11 +23,11 @@ SENSE, CONTROL = 0, 1
 def application(tmp_path_factory):
     """What the drive's application says to a list of orders, started afresh."""
     require_tool("gcc")
-    program = build_application(tmp_path_factory.mktemp("app"), load_device("elbow_drive"))
+    program = rig.build_application(tmp_path_factory.mktemp("app"), load_device("elbow_drive"))
 
     def run(*orders: tuple[str | int, ...]) -> list[str]:
         whole = [("start",), *orders]
-        return said_by(program, "\n".join([" ".join(map(str, (*o, 0, 0)[:3])) for o in whole]))
+        return rig.said_by(program, "\n".join([" ".join(map(str, (*o, 0, 0)[:3])) for o in whole]))
 
     return run
 
@@ -167,7 +161,7 @@ int main(void)
 @pytest.mark.parametrize("start", [0, 2**32 - 700], ids=["from 0", "across the counter's wrap"])
 def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, start):
     require_tool("gcc")
-    firmware = without_processor(tmp_path)
+    firmware = rig.without_processor(tmp_path)
     (tmp_path / "fake_link.h").write_text(
         "typedef int esea_link_control_t, mavlink_message_t, mavlink_status_t, esea_link_in_t;\n"
         "typedef int esea_link_out_t, esea_link_wanted_t, ESEA_FAULT;\n"
@@ -184,10 +178,10 @@ def test_a_full_receive_buffer_keeps_what_it_has_and_counts_the_rest(tmp_path, s
     orders = [(1023, 0), (1, 0), (1, 0), (5, 3), (4, 4096), (3000, 10), (0, 4096), (7, 7)]
     orders += [(rng.randrange(900), rng.randrange(900)) for _ in range(60)]
     flags = (f"-I{firmware}/app", f"-I{firmware}/port", f"-I{tmp_path}", f"-DSTART={start}u")
-    program = compiled(
+    program = rig.compiled(
         tmp_path, RING.format(firmware=firmware), *flags, '-DESEA_LINK_HEADER="fake_link.h"'
     )
-    lines = said_by(program, "\n".join(f"{a} {b}" for a, b in orders))
+    lines = rig.said_by(program, "\n".join(f"{a} {b}" for a, b in orders))
     # A queue of 1024 that refuses what does not fit.
     queue: deque[int] = deque()
     lost = sent = 0
@@ -211,7 +205,7 @@ BAUD = 115200
 
 def test_the_mps2_board_sends_at_115200_baud(tmp_path):
     require_tool("gcc")
-    found = registers_after_start(tmp_path, "mps2-an385")
+    found = rig.registers_after_start(tmp_path, "mps2-an385")
     # CMSDK UART: the clock of 25 MHz over the baud rate; 16 at least.
     divisor = found[0x40004010]
     assert divisor == round(25e6 / BAUD)

@@ -10,20 +10,7 @@ import pytest
 import sympy as sp
 from sympy.printing.smtlib import smtlib_code
 
-from esea_gen.control.impairment import (
-    KD,
-    KP,
-    KP3,
-    KV,
-    OMEGA,
-    PUSH,
-    RESISTANCE,
-    SPRING,
-    TAU_MAX,
-    THETA,
-    WALL,
-    impairment,
-)
+from esea_gen.control import impairment as law
 from esea_gen.device import load_device, parse_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.errors import UserError
@@ -50,7 +37,7 @@ def device():
 
 @pytest.fixture(scope="module")
 def block(device):
-    return impairment(device)
+    return law.impairment(device)
 
 
 @pytest.fixture(scope="module")
@@ -115,12 +102,14 @@ CUBE = "(define-fun pow ((x Real) (n Int)) Real (* x x x))\n"
 
 def answer(power: sp.Expr) -> str:
     """Whether z3 finds reals at which a law gives more than its storage loses."""
-    stored = sp.Piecewise((sp.Min(SPRING, TAU_MAX), THETA > WALL), (0, True)) * OMEGA
-    symbols = [THETA, OMEGA, WALL, KP, KP3, KD, KV, TAU_MAX]
+    stored = (
+        sp.Piecewise((sp.Min(law.SPRING, law.TAU_MAX), law.THETA > law.WALL), (0, True)) * law.OMEGA
+    )
+    symbols = [law.THETA, law.OMEGA, law.WALL, law.KP, law.KP3, law.KD, law.KV, law.TAU_MAX]
     plain = {s: sp.Symbol(str(s).replace("_", "")) for s in symbols}
     excess = (power - stored).rewrite(sp.Piecewise).subs(plain)
     table = {plain[s]: float for s in symbols}
-    facts = [plain[s] >= 0 for s in (KP, KP3, KD, KV)] + [plain[TAU_MAX] > 0]
+    facts = [plain[s] >= 0 for s in (law.KP, law.KP3, law.KD, law.KV)] + [plain[law.TAU_MAX] > 0]
     text = smtlib_code(
         [*facts, excess < 0], symbol_table=table, log_warn=lambda _: None, auto_declare=True
     )
@@ -135,21 +124,27 @@ def answer(power: sp.Expr) -> str:
 
 
 def saturated(x: sp.Expr) -> sp.Expr:
-    return sp.Max(sp.Min(x, TAU_MAX), -TAU_MAX)
+    return sp.Max(sp.Min(x, law.TAU_MAX), -law.TAU_MAX)
 
 
 @pytest.mark.ci
 def test_the_law_is_passive_for_all_numbers():
     """Taken power >= dS/dt, S the integral of min(Kp s + Kp3 s^3, tau_max), for all numbers."""
-    wall = sp.Piecewise((PUSH, THETA > WALL), (0, True))
-    assert answer(-saturated(RESISTANCE - wall) * OMEGA) == "unsat"
+    wall = sp.Piecewise((law.PUSH, law.THETA > law.WALL), (0, True))
+    assert answer(-saturated(law.RESISTANCE - wall) * law.OMEGA) == "unsat"
 
 
 def test_the_printed_law_is_not():
     """Armed: for a negative speed its damping feeds the motion."""
-    printed = -sp.sign(OMEGA) * (KP * (THETA - WALL) + KD * OMEGA + KV * OMEGA)
-    power = -saturated(sp.Piecewise((printed, THETA > WALL), (-sp.sign(OMEGA) * KV * OMEGA, True)))
-    assert answer((power * OMEGA).rewrite(sp.Piecewise)) == "sat"
+    printed = -sp.sign(law.OMEGA) * (
+        law.KP * (law.THETA - law.WALL) + law.KD * law.OMEGA + law.KV * law.OMEGA
+    )
+    power = -saturated(
+        sp.Piecewise(
+            (printed, law.THETA > law.WALL), (-sp.sign(law.OMEGA) * law.KV * law.OMEGA, True)
+        )
+    )
+    assert answer((power * law.OMEGA).rewrite(sp.Piecewise)) == "sat"
 
 
 def closed_path(rng, steps=4000):
@@ -183,4 +178,4 @@ def test_a_section_that_does_not_fit_is_refused(device):
     with pytest.raises(UserError, match=r"impairment\.bandwidth_Hz = 60 Hz is above its limit"):
         parse_device(device.toml().replace("{ value = 1000.0", "{ value = 500.0"), "x")
     with pytest.raises(UserError, match=r"section \[impairment\] is missing"):
-        impairment(load_device("wrist"))
+        law.impairment(load_device("wrist"))

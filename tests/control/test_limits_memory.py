@@ -14,28 +14,17 @@ from esea_gen.hostlib.codec import block_field
 from esea_gen.hostlib.library import CRunner, compile_device, compile_system
 from esea_gen.language.stream import single
 from esea_gen.model.sensing import zeros_missing
+from tests import limits_model as model
 from tests.conftest import require_tool
-from tests.limits_model import (
-    AT,
-    BIT,
-    REALS,
-    SHIPPED,
-    alone,
-    calm,
-    compiled,
-    ran,
-    recover,
-    with_value,
-)
 from tests.proof.sanitize import UNDEFINED, standard_error
 
-EVERY = [*REALS, "q31"]
+EVERY = [*model.REALS, "q31"]
 WIDTHS = {"f64": 64, "f32": 32, "q31": 32}
 
 
 @pytest.fixture(scope="module")
 def runners(drive) -> dict[str, CRunner]:
-    return {real: compiled(drive, real) for real in EVERY}
+    return {real: model.compiled(drive, real) for real in EVERY}
 
 
 # -- corrupt memory --------------------------------------------------------------------------------
@@ -43,7 +32,7 @@ def runners(drive) -> dict[str, CRunner]:
 
 def quiet(steps: int) -> dict[str, np.ndarray]:
     """Off, nothing commanded, no cause left: only a request is missing."""
-    x = {k: v[:steps].copy() for k, v in calm().items()}
+    x = {k: v[:steps].copy() for k, v in model.calm().items()}
     for name in ("mode", "u_command_Nm", "stop", "rearm"):
         x[name][:] = 0
     return x
@@ -67,8 +56,8 @@ def flips(runner: CRunner, prepared: np.ndarray):
 @pytest.mark.parametrize("since_start", [True, False])
 def test_no_flipped_bit_ends_the_latch(runners, real, since_start):
     runner = runners[real]
-    before = quiet(12) if since_start else with_value("tau_Nm", 9.0)
-    y = ran(runner, before)
+    before = quiet(12) if since_start else model.with_value("tau_Nm", 9.0)
+    y = model.ran(runner, before)
     assert y["fault"][-1] == (Fault.NOT_ARMED if since_start else Fault.TORQUE)
     prepared = runner.state
     after = quiet(8)
@@ -92,23 +81,23 @@ def test_no_flipped_bit_ends_the_latch(runners, real, since_start):
 @pytest.mark.parametrize("real", EVERY)
 def test_flipped_bits_while_running(runners, real):
     runner = runners[real]
-    x = calm()
-    ran(runner, {k: v[:AT] for k, v in x.items()})
+    x = model.calm()
+    model.ran(runner, {k: v[: model.AT] for k, v in x.items()})
     prepared = runner.state
-    rest = {k: v[AT : AT + 6] for k, v in x.items()}
+    rest = {k: v[model.AT : model.AT + 6] for k, v in x.items()}
     clean = runner.run(rest, trace=False)[0]["u_Nm"]
     guarded = ("key", "fault_", "rearm_", "u_last", "u_mirror")
     for what, state in flips(runner, prepared):
         runner.state = state
         y, _ = runner.run(rest, trace=False)
-        assert np.all(np.abs(y["u_Nm"]) <= SHIPPED.u), what
+        assert np.all(np.abs(y["u_Nm"]) <= model.SHIPPED.u), what
         if what.startswith(guarded):
             zero = state[what.split()[0]][0] == prepared[what.split()[0]][0]  # -0.0 is 0.0
             if zero:
                 assert np.array_equal(y["u_Nm"], clean), what
             else:
                 assert np.all(y["fault"] == Fault.STATE_CORRUPT), what
-                assert y["status"][0] & BIT["STATE_REPAIRED"], what
+                assert y["status"][0] & model.BIT["STATE_REPAIRED"], what
                 assert np.all(y["u_Nm"] == 0), what
         elif np.any(y["fault"]):
             assert np.all(y["u_Nm"][y["fault"] != 0] == 0), what
@@ -122,7 +111,7 @@ def test_memory_of_random_bytes_or_zeros_is_latched(runners, real):
     runner = runners[real]
     runner.reset()
     rng = np.random.default_rng(5)
-    x = {k: v[20:26] for k, v in calm().items()}
+    x = {k: v[20:26] for k, v in model.calm().items()}
     shape = runner.state
     for k in range(1500):
         raw = rng.bytes(shape.nbytes) if k else bytes(shape.nbytes)
@@ -138,13 +127,13 @@ def test_memory_of_random_bytes_or_zeros_is_latched(runners, real):
 def test_corrupt_state_is_a_fault_that_a_person_can_clear(runners, real):
     for port in (f.port for f in runners[real].state_fields):
         for bad in (np.nan, np.inf, -np.inf, 1e30):
-            x = calm()
-            recover(x, 140)
+            x = model.calm()
+            model.recover(x, 140)
             runner = runners[real]
-            assert ran(runner, {k: v[:AT] for k, v in x.items()})["fault"][-1] == 0
+            assert model.ran(runner, {k: v[: model.AT] for k, v in x.items()})["fault"][-1] == 0
             runner.put_state({port.name: np.full(port.size, bad)})
-            y, _ = runner.run({k: v[AT:] for k, v in x.items()})
-            assert y["status"][0] & BIT["STATE_REPAIRED"]
+            y, _ = runner.run({k: v[model.AT :] for k, v in x.items()})
+            assert y["status"][0] & model.BIT["STATE_REPAIRED"]
             assert np.all(y["fault"][:42] == Fault.STATE_CORRUPT), port.name
             assert np.all(y["u_Nm"][:44] == 0)
             assert y["fault"][42] == 0
@@ -157,7 +146,7 @@ def test_what_corrupt_memory_says_of_the_last_request_is_no_ground_for_an_edge(r
     runner = runners[real]
     before = quiet(12)
     before["rearm"][:] = 1
-    ran(runner, before)
+    model.ran(runner, before)
     runner.put_state({"rearm_last": 0.0})
     after = quiet(8)
     after["control_beat"] = single(before["control_beat"][-1] + 1 + np.arange(8) // 4)
@@ -165,16 +154,16 @@ def test_what_corrupt_memory_says_of_the_last_request_is_no_ground_for_an_edge(r
     after["rearm"][0] = np.nan
     y, _ = runner.run(after, trace=False)
     assert np.all(y["fault"] == Fault.STATE_CORRUPT)
-    assert not np.any(y["status"] & BIT["REARM_REFUSED"])
+    assert not np.any(y["status"] & model.BIT["REARM_REFUSED"])
 
 
 @pytest.mark.parametrize("real", EVERY)
 def test_a_flipped_sign_gives_no_energy_credit(runners, real):
     runner = runners[real]
-    x = calm(500)
+    x = model.calm(500)
     x["tau_Nm"][200:] = 7.5
     x["omega_load_rad_s"][200:] = 7.0
-    ran(runner, {k: v[:400] for k, v in x.items()})
+    model.ran(runner, {k: v[:400] for k, v in x.items()})
     (slots,) = (f.name for f in runner.state_fields if f.name == "slots_J")
     state = runner.state
     state[slots] = -state[slots]
@@ -189,7 +178,7 @@ def test_a_flipped_sign_gives_no_energy_credit(runners, real):
 @pytest.mark.parametrize("real", EVERY)
 def test_no_message_can_widen(drive, real):
     require_tool("gcc")
-    task = compile_system(alone(drive, limits(drive)), real).task("run")
+    task = compile_system(model.alone(drive, limits(drive)), real).task("run")
     for t in limits(drive).tunables:
         wide = t.low - 1e-3 if t.name == "rom_min_rad" else t.high + 1e-3
         for bad in (wide, np.nan, np.inf, -np.inf):
@@ -210,20 +199,20 @@ NARROW = [
 def test_narrowed_limits_act(runners, real, tunables, name, beyond, fault):
     runner = runners[real]
     runner.prepare({})
-    x = with_value(name, beyond)
+    x = model.with_value(name, beyond)
     x["theta_motor_rad"] = single(x["theta_load_rad"] + 0.05)
-    assert not np.any(ran(runner, x)["fault"][3:])
+    assert not np.any(model.ran(runner, x)["fault"][3:])
     runner.prepare(tunables)
     y, _ = runner.run(x)
-    assert np.flatnonzero(y["fault"] == fault)[0] == AT
+    assert np.flatnonzero(y["fault"] == fault)[0] == model.AT
     runner.prepare({"u_max_Nm": 0.03, "u_rate_Nm_s": 10.0})
-    y, _ = runner.run(calm())
+    y, _ = runner.run(model.calm())
     assert np.max(np.abs(y["u_Nm"])) == pytest.approx(0.03, abs=1e-9)
     assert np.max(np.abs(np.diff(y["u_Nm"]))) == pytest.approx(0.01, abs=1e-8)
     runner.prepare({})
 
 
-@pytest.mark.parametrize("real", REALS)  # in q31 a Block's own prepare cuts to the ranges
+@pytest.mark.parametrize("real", model.REALS)  # in q31 a Block's own prepare cuts to the ranges
 def test_corrupt_or_reversed_tunables_latch(runners, real):
     runner = runners[real]
     for bad in ({"rom_min_rad": 2.0, "rom_max_rad": 1.0}, {"u_max_Nm": 0.5}, {"tau_max_Nm": np.nan},
@@ -231,10 +220,10 @@ def test_corrupt_or_reversed_tunables_latch(runners, real):
                 {"rom_min_rad": -0.3}, {"theta_max_rad": 0.34}, {"u_rate_Nm_s": np.nan},
                 {"u_rate_Nm_s": 60.0}, {"tau_max_Nm": 0.0}):  # fmt: skip
         runner.prepare(bad)  # a Block's own prepare does not refuse: as if memory had changed
-        y, _ = runner.run(calm())
+        y, _ = runner.run(model.calm())
         assert np.all(y["u_Nm"] == 0), bad
         assert np.all(y["fault"] == Fault.NOT_ARMED)
-        assert np.all(y["status"] & BIT["TUNABLE_INVALID"])
+        assert np.all(y["status"] & model.BIT["TUNABLE_INVALID"])
     runner.prepare({})
 
 
@@ -292,8 +281,8 @@ class Memory:
 def test_a_coefficient_outside_its_range_latches(runners, real):
     runner = runners[real]
     runner.prepare({})
-    x = calm()
-    runner.run({k: v[:AT] for k, v in x.items()})
+    x = model.calm()
+    runner.run({k: v[: model.AT] for k, v in x.items()})
     memory, state = Memory(runner), runner.state
     prepared = memory.numbers.copy()
     for name, f in memory.fields.items():
@@ -301,8 +290,8 @@ def test_a_coefficient_outside_its_range_latches(runners, real):
         near = (f.port.low - 1e-4 * span, f.port.high + 1e-4 * span)
         for bad in (np.nan, np.inf, 1e6, -1e6, 0.0, *near):
             memory.put(name, bad)
-            y, _ = runner.run({k: v[AT : AT + 3] for k, v in x.items()})
-            assert np.all(np.abs(y["u_Nm"]) <= SHIPPED.u)
+            y, _ = runner.run({k: v[model.AT : model.AT + 3] for k, v in x.items()})
+            assert np.all(np.abs(y["u_Nm"]) <= model.SHIPPED.u)
             if not f.port.low <= bad <= f.port.high:  # some angles may be 0
                 assert np.all(y["u_Nm"] == 0), (name, bad)
                 assert np.all(y["fault"] == Fault.TUNABLE_INVALID), (name, bad)
@@ -318,18 +307,18 @@ FLIPS = {"f64": (832, 475), "f32": (416, 239), "q31": (416, 219)}
 def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real):
     """Full torque either way: how many of the flips latch, and what reaches the motor."""
     require_tool("gcc")
-    system = alone(drive, limits(drive))
+    system = model.alone(drive, limits(drive))
     runner = compile_system(system, real, (*UNDEFINED, "-fsanitize-recover=all")).block("limits")
     memory, steps = Memory(runner), 12
     found: dict[str, Any] = {"tried": 0, "latched": set(), "most": 0.0}
     with standard_error() as said:
         for sign in (1, -1):
-            x = calm(AT + 2 * steps)
-            x["u_command_Nm"][AT:] = single(sign * 0.8)  # 3.6 times the limit
+            x = model.calm(model.AT + 2 * steps)
+            x["u_command_Nm"][model.AT :] = single(sign * 0.8)  # 3.6 times the limit
             runner.reset()
-            y, _ = runner.run({k: v[: AT + steps] for k, v in x.items()}, trace=False)
-            assert y["u_Nm"][-1] == pytest.approx(sign * SHIPPED.u, abs=1e-9)  # where it bears most
-            state, rest = runner.state, {k: v[AT + steps :] for k, v in x.items()}
+            y, _ = runner.run({k: v[: model.AT + steps] for k, v in x.items()}, trace=False)
+            assert y["u_Nm"][-1] == pytest.approx(sign * model.SHIPPED.u, abs=1e-9)
+            state, rest = runner.state, {k: v[model.AT + steps :] for k, v in x.items()}
             rest["u_command_Nm"][steps // 2 :] *= -1
             for flip in memory.flips():
                 runner.state = state
@@ -342,8 +331,8 @@ def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real
                 if np.any(y["fault"]):
                     found["latched"].add(flip)
     assert (found["tried"], len(found["latched"])) == FLIPS[real]
-    assert found["most"] == pytest.approx(SHIPPED.u, abs=1e-9)
-    assert found["most"] <= SHIPPED.u
+    assert found["most"] == pytest.approx(model.SHIPPED.u, abs=1e-9)
+    assert found["most"] <= model.SHIPPED.u
     assert [line for line in said if "runtime error" in line] == []
 
 
@@ -399,6 +388,6 @@ def test_no_flipped_bit_of_the_drives_coefficients_reaches_the_motor(drive, reco
                     latched[-1] += name == "limits" and bool(np.any(fault[:3]))
             memory[:] = state
     assert tried == 2 * 2272
-    assert most <= SHIPPED.u
+    assert most <= model.SHIPPED.u
     assert tuple(latched) == DRIVE_LATCHED[real]
     assert [line for line in said if "runtime error" in line] == []

@@ -10,19 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.control.limits.block import limits
-from tests.limits_model import (
-    ERRORS,
-    EVENT,
-    REALS,
-    SHIPPED,
-    STEPS,
-    TIES,
-    against_plain_limits,
-    calm,
-    changed,
-    compiled,
-    stream_of,
-)
+from tests import limits_model as model
 
 # What a tunable narrows, in the words of the plain state machine.
 WORDS = {
@@ -49,7 +37,7 @@ NARROW = {
 
 @pytest.fixture(scope="module")
 def runners(drive):
-    return {real: compiled(drive, real) for real in REALS}
+    return {real: model.compiled(drive, real) for real in model.REALS}
 
 
 def narrowed(runner, values):
@@ -58,28 +46,30 @@ def narrowed(runner, values):
     told = {WORDS[k]: v for k, v in values.items() if k in WORDS}
     if "u_rate_Nm_s" in values:
         told["step"] = values["u_rate_Nm_s"] * 1e-3
-    return replace(SHIPPED, **told)
+    return replace(model.SHIPPED, **told)
 
 
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", model.REALS)
 @settings(max_examples=25)
 @given(
     st.fixed_dictionaries({}, optional={k: st.sampled_from(v) for k, v in NARROW.items()}),
-    st.lists(EVENT, max_size=6),
+    st.lists(model.EVENT, max_size=6),
 )
 def test_any_narrowing_against_a_plain_state_machine(runners, real, values, events):
     numbers = narrowed(runners[real], values)
-    against_plain_limits(runners[real], stream_of(events), numbers, TIES[real], ERRORS[real])
+    model.against_plain_limits(
+        runners[real], model.stream_of(events), numbers, model.TIES[real], model.ERRORS[real]
+    )
 
 
 @pytest.mark.parametrize("window_s", [0.05, 0.055, 0.0501, 0.033, 0.0105])
 def test_a_window_that_no_slot_divides_is_covered_whole(drive, window_s):
     # All that was given within the window counts: slots are rounded up, by a slot at most.
-    simulator = limits(changed(drive, energy_window_s=window_s)).simulator()
+    simulator = limits(model.changed(drive, energy_window_s=window_s)).simulator()
     ticks = int(np.ceil(round(window_s * 1e3, 6)))
     slot = int(np.ceil(round(window_s * 1e2, 6)))
-    for start in range(STEPS - 160, STEPS - 130):
-        x = calm()
+    for start in range(model.STEPS - 160, model.STEPS - 130):
+        x = model.calm()
         x["tau_Nm"][start] = 8.0
         x["omega_load_rad_s"][start] = 4.0
         simulator.reset()

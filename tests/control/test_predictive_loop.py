@@ -13,16 +13,7 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
-from tests.benchmarks.predictive import (
-    AIM_BOUND,
-    AIM_TYPICAL,
-    CORES,
-    build_program,
-    cost_on,
-    entry_files,
-    seen_on_m4f,
-    stress_rows,
-)
+from tests.benchmarks import predictive
 from tests.benchmarks.predictive_loop import recorded_rows
 from tests.box_qp_program import box_qp
 from tests.conftest import require_tool
@@ -48,10 +39,10 @@ def rms(experiment: str, controller: str, case: int = 0, seed: int = 1) -> float
 def test_the_bound_holds_and_meets_its_aim(program):
     require_tool("arm-none-eabi-gcc")
     require_tool("qemu-system-arm")
-    cost = cost_on(program, "Cortex-M4F")
-    assert cost.bound.instructions <= AIM_BOUND
-    rows = stress_rows(program, 150)
-    seen, command = seen_on_m4f(program, rows)
+    cost = predictive.cost_on(program, "Cortex-M4F")
+    assert cost.bound.instructions <= predictive.AIM_BOUND
+    rows = predictive.stress_rows(program, 150)
+    seen, command = predictive.seen_on_m4f(program, rows)
     assert 0.3 * cost.bound.instructions < seen.max() <= cost.bound.instructions
     # The board's bits are the host's.
     renderer = render_program(program, "f32")
@@ -73,25 +64,27 @@ def test_a_typical_step_meets_its_aim(program):
     for experiment in ("tuning", "backdriven", "bread"):
         case = load_study(experiment, ClosedLoopStudy).cases()[0]
         free = {"load_free": 0.0 if case.trajectory.clamped else 1.0}
-        seen.append(seen_on_m4f(program, recorded_rows("mpc", case, 60), free)[0])
-    assert np.median(seen) <= AIM_TYPICAL
+        seen.append(predictive.seen_on_m4f(program, recorded_rows("mpc", case, 60), free)[0])
+    assert np.median(seen) <= predictive.AIM_TYPICAL
 
 
-@pytest.mark.parametrize("core", list(CORES))
+@pytest.mark.parametrize("core", list(predictive.CORES))
 def test_the_bound_of_a_box_qp_on_every_core(core):
     require_tool("arm-none-eabi-gcc")
     # Above 16 variables loops stay loops; one size of these is enough.
     sizes = (2, 5, 17) if core == "Cortex-M4F" else (2, 5)
-    costs = [cost_on(box_qp(n), core).bound.instructions for n in sizes]
+    costs = [predictive.cost_on(box_qp(n), core).bound.instructions for n in sizes]
     assert costs == sorted(costs)
     # Straight parts alone: a cap of 0 takes one pass through the search, not a third of one.
-    assert cost_on(box_qp(5, cap=0), core).bound.instructions < 0.5 * costs[1]
+    assert predictive.cost_on(box_qp(5, cap=0), core).bound.instructions < 0.5 * costs[1]
 
 
 def test_what_cannot_be_bounded_is_an_error(tmp_path):
     require_tool("arm-none-eabi-gcc")
     renderer = render_program(box_qp(3), "f32")
-    functions = disassemble(build_program(renderer, tmp_path, "Cortex-M4F", entry_files(renderer)))
+    functions = disassemble(
+        predictive.build_program(renderer, tmp_path, "Cortex-M4F", predictive.entry_files(renderer))
+    )
     name = "esea_program_box_qp_step"
     assert blocks_of(name, functions)
     i = functions[name][1]

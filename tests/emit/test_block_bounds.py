@@ -10,19 +10,12 @@ import numpy as np
 import pytest
 
 import esea_gen
+from esea_gen.emit import step_errors
 from esea_gen.emit.error_bounds import block_bound, node_errors, step_bound, whole_nodes
 from esea_gen.emit.fixed import errors as fixed
 from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.spans import RangeError
-from esea_gen.emit.step_errors import (
-    counts,
-    fixed_point,
-    is_linear,
-    linear_bound,
-    state_jacobian,
-    state_matrix,
-)
 from esea_gen.emit.walker import fuse_selects, walk
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
@@ -50,7 +43,9 @@ def made(step, state=(), inputs=None, outputs=None, most: float = 1.0, **more) -
 
 def found(image, zero):
     """Of a map of errors, without a Block behind it."""
-    return fixed_point(SimpleNamespace(images=lambda cases: map(image, cases), zero=zero))
+    return step_errors.fixed_point(
+        SimpleNamespace(images=lambda cases: map(image, cases), zero=zero)
+    )
 
 
 @pytest.mark.parametrize("pole", [0.1, 0.5, 0.9, 0.99, 1 - 1e-6])
@@ -219,7 +214,7 @@ def test_what_a_word_alone_decides_is_no_assumption():
     ],
 )
 def test_ends_of_a_count(low, high, whole):
-    assert counts(Port("n", low, high, "count", init=0)) is whole
+    assert step_errors.counts(Port("n", low, high, "count", init=0)) is whole
 
 
 def test_counts_that_lead_to_each_other_are_whole_only_together():
@@ -268,7 +263,7 @@ def test_counts_that_lead_to_each_other_are_whole_only_together():
     ],
 )
 def test_what_enters_linearly(expression, linear):
-    assert is_linear(walk(ca.Function("f", [K, X, Y], [expression])), 1) is linear
+    assert step_errors.is_linear(walk(ca.Function("f", [K, X, Y], [expression])), 1) is linear
 
 
 def pair(primed: bool = False, bend: float = 0.0, mode: bool = False) -> Block:
@@ -302,16 +297,16 @@ def pair(primed: bool = False, bend: float = 0.0, mode: bool = False) -> Block:
 
 def test_the_matrix_of_a_linear_block():
     wanted = np.array([[0.5, 0.25, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 0.3]])
-    assert state_matrix(pair()) == pytest.approx(wanted)
+    assert step_errors.state_matrix(pair()) == pytest.approx(wanted)
     started = pair(primed=True)
     padded = np.zeros((4, 4))
     padded[:3, :3] = wanted
-    assert state_matrix(started) == pytest.approx(padded)
-    jacobian = state_jacobian(pair())
+    assert step_errors.state_matrix(started) == pytest.approx(padded)
+    jacobian = step_errors.state_jacobian(pair())
     assert np.asarray(ca.DM(jacobian(0.125, 7, [1, 2], 0)))[0] == pytest.approx([0.5, 0.125, 0])
     # One that an input bends, or that a mode chooses, is none.
-    assert state_matrix(pair(bend=0.1)) is None
-    assert state_matrix(pair(mode=True)) is None
+    assert step_errors.state_matrix(pair(bend=0.1)) is None
+    assert step_errors.state_matrix(pair(mode=True)) is None
 
 
 def test_the_matrix_is_of_the_states_alone_each_by_its_place():
@@ -324,11 +319,11 @@ def test_the_matrix_is_of_the_states_alone_each_by_its_place():
 
     block = made(step, (Port("a_rad", -99, 99, "a"), Port("b_rad", -99, 99, "b", 2)))
     wanted = [[0.5, 2, -3], [0.125, 0, 0], [0, 0.25, 0]]
-    assert state_matrix(block) == pytest.approx(np.array(wanted))
+    assert step_errors.state_matrix(block) == pytest.approx(np.array(wanted))
     # Errors sum through its powers, absolute: 40 powers leave 1e-12 of them.
     d = np.array([1e-7, 2e-7, 3e-7])
     powers = [np.abs(np.linalg.matrix_power(np.array(wanted), k)) @ d for k in range(200)]
-    (a,), b = linear_bound(block, [[1e-7], [2e-7, 3e-7]])
+    (a,), b = step_errors.linear_bound(block, [[1e-7], [2e-7, 3e-7]])
     assert [a, *b] == pytest.approx((np.sum(powers, axis=0) * 1.000001).tolist(), rel=1e-10, abs=0)
 
 

@@ -8,18 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from esea_gen.emit import walker
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.formats.floating import print_kernel
-from esea_gen.emit.walker import (
-    Kernel,
-    Node,
-    StatusWord,
-    UnsupportedOperationError,
-    fuse_selects,
-    status_words,
-    use_counts,
-    walk,
-)
 
 
 def evaluate(kernel, inputs):
@@ -71,13 +62,13 @@ def sample() -> ca.Function:
 def test_the_walk_keeps_the_meaning(x: float, a: float, b: float):
     f = sample()
     expected = [np.asarray(v).ravel() for v in f.call([x, ca.DM([a, b])])]
-    for kernel in (walk(f), fuse_selects(walk(f))):
+    for kernel in (walker.walk(f), walker.fuse_selects(walker.walk(f))):
         for e, g in zip(expected, evaluate(kernel, [[x], [a, b]]), strict=True):
             assert g == pytest.approx(list(e), rel=1e-15, abs=1e-300)
 
 
 def test_selects_are_fused_and_dead_nodes_dropped():
-    kernel = fuse_selects(walk(sample()))
+    kernel = walker.fuse_selects(walker.walk(sample()))
     assert "select" in kernel.cost()
     assert "if_else_zero" not in kernel.cost()
     assert kernel.cost()["pow"] == 1
@@ -88,51 +79,51 @@ def test_selects_are_fused_and_dead_nodes_dropped():
 def test_two_arms_of_a_condition_and_its_opposite_are_fused_in_either_order(arms, opposed):
     # x where x < y, and y where that, or else y < x, does not hold.
     nodes = [
-        Node("input", source=(0, 0)),
-        Node("input", source=(1, 0)),
-        Node("lt", (1, 0)),
-        Node("lt", (0, 1)),
-        Node("not", (opposed,)),
-        Node("if_else_zero", (3, 0)),
-        Node("if_else_zero", (4, 1)),
+        walker.Node("input", source=(0, 0)),
+        walker.Node("input", source=(1, 0)),
+        walker.Node("lt", (1, 0)),
+        walker.Node("lt", (0, 1)),
+        walker.Node("not", (opposed,)),
+        walker.Node("if_else_zero", (3, 0)),
+        walker.Node("if_else_zero", (4, 1)),
     ]
-    nodes.append(Node("add", (5 + arms[0], 5 + arms[1])))
-    nodes.append(Node("sub", (7, 1)))
-    made = fuse_selects(Kernel("f", tuple(nodes), ((8, 2), (7,))))
+    nodes.append(walker.Node("add", (5 + arms[0], 5 + arms[1])))
+    nodes.append(walker.Node("sub", (7, 1)))
+    made = walker.fuse_selects(walker.Kernel("f", tuple(nodes), ((8, 2), (7,))))
     if opposed == 2:
         assert made.nodes == tuple(nodes)
         return
     # The other condition is a result, the opposite and both arms are nobody's.
-    assert made.nodes == (*nodes[:4], Node("select", (3, 0, 1)), Node("sub", (4, 1)))
+    assert made.nodes == (*nodes[:4], walker.Node("select", (3, 0, 1)), walker.Node("sub", (4, 1)))
     assert made.results == ((5, 2), (4,))
 
 
-def word_kernel(*more: Node) -> Kernel:
+def word_kernel(*more: walker.Node) -> walker.Kernel:
     """Bits 0, 1 and 3 of a word by three conditions; results are a sum, the word, its first bit."""
     nodes = (
-        Node("input", source=(0, 0)),
-        Node("input", source=(1, 0)),
-        Node("lt", (0, 1)),
-        Node("le", (1, 0)),
-        Node("eq", (0, 1)),
-        *(Node("const", value=v) for v in (1.0, 2.0, 8.0)),
-        Node("if_else_zero", (2, 5)),
-        Node("if_else_zero", (3, 6)),
-        Node("add", (8, 9)),
-        Node("if_else_zero", (4, 7)),
-        Node("add", (10, 11)),
-        Node("add", (0, 1)),
+        walker.Node("input", source=(0, 0)),
+        walker.Node("input", source=(1, 0)),
+        walker.Node("lt", (0, 1)),
+        walker.Node("le", (1, 0)),
+        walker.Node("eq", (0, 1)),
+        *(walker.Node("const", value=v) for v in (1.0, 2.0, 8.0)),
+        walker.Node("if_else_zero", (2, 5)),
+        walker.Node("if_else_zero", (3, 6)),
+        walker.Node("add", (8, 9)),
+        walker.Node("if_else_zero", (4, 7)),
+        walker.Node("add", (10, 11)),
+        walker.Node("add", (0, 1)),
         *more,
     )
-    return Kernel("f", nodes, ((13,), (12,), (8,)))
+    return walker.Kernel("f", nodes, ((13,), (12,), (8,)))
 
 
 def test_bits_of_a_status_word_from_the_lowest_up():
     kernel = word_kernel()
-    uses = use_counts(kernel)
+    uses = walker.use_counts(kernel)
     assert uses == [4, 4, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0]
-    word = StatusWord(((2, 0), (3, 1), (4, 3)), frozenset({8, 9, 10, 11}))
-    first = StatusWord(((2, 0),), frozenset())
+    word = walker.StatusWord(((2, 0), (3, 1), (4, 3)), frozenset({8, 9, 10, 11}))
+    first = walker.StatusWord(((2, 0),), frozenset())
     for words, found in (
         ((), {}),
         ((0,), {}),
@@ -140,26 +131,26 @@ def test_bits_of_a_status_word_from_the_lowest_up():
         ((2,), {8: first}),
         ((0, 2, 1), {12: word, 8: first}),
     ):
-        assert status_words(kernel, words, uses) == found
+        assert walker.status_words(kernel, words, uses) == found
     # A sum inside that something else takes too; the word itself may be taken.
     for taken, found in ((10, {}), (11, {}), (9, {}), (12, {12: word})):
-        other = word_kernel(Node("neg", (taken,)))
-        assert status_words(other, (1,), use_counts(other)) == found
+        other = word_kernel(walker.Node("neg", (taken,)))
+        assert walker.status_words(other, (1,), walker.use_counts(other)) == found
 
 
 def test_what_cannot_be_emitted_is_refused():
     x = ca.SX.sym("x")
     number = ca.OP_ERF
-    with pytest.raises(UnsupportedOperationError) as told:
-        walk(ca.Function("f", [x], [ca.erf(x + 1)]))
+    with pytest.raises(walker.UnsupportedOperationError) as told:
+        walker.walk(ca.Function("f", [x], [ca.erf(x + 1)]))
     said = f"f: CasADi operation number {number} at instruction 3 cannot be emitted"
     assert told.value.what.startswith(said)
     assert told.value.fix == "Try another number format with --real."
-    kernel = walk(ca.Function("f", [x], [x**20.5]))
-    with pytest.raises(UnsupportedOperationError, match=r"20\.5"):
+    kernel = walker.walk(ca.Function("f", [x], [x**20.5]))
+    with pytest.raises(walker.UnsupportedOperationError, match=r"20\.5"):
         print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", None), {})
-    kernel = walk(ca.Function("f", [x], [x + 1e60]))
-    with pytest.raises(UnsupportedOperationError, match="float32"):
+    kernel = walker.walk(ca.Function("f", [x], [x + 1e60]))
+    with pytest.raises(walker.UnsupportedOperationError, match="float32"):
         print_kernel(kernel, FORMATS["f32"], lambda a, e: ("x", "in->x", None), {})
 
 

@@ -10,14 +10,8 @@ from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.block import Block
 from esea_gen.language.stream import SPECIAL
+from esea_gen.verify import executor
 from esea_gen.verify.coverage import SIDES, branch_coverage, side_masks
-from esea_gen.verify.executor import (
-    emitted_kernel,
-    evaluate,
-    exact_trajectory,
-    setup_difference,
-    step_arguments,
-)
 from esea_gen.verify.memories import aimed_stream, other_memories
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
@@ -136,8 +130,8 @@ def test_what_is_proven_impossible_never_happens(drive, library, name, real):
     block, fmt = block_of(drive, name), FORMATS[real]
     found = branch_coverage(block, [], library if real == "f32" else None)
     assert len([(d, side) for d in found.decisions for side in d.proofs]) >= IMPOSSIBLE[name]
-    kernel, _ = emitted_kernel(block, fmt)
-    values = evaluate(kernel, fmt, wild(block, fmt.dtype, 11, 20000))
+    kernel, _ = executor.emitted_kernel(block, fmt)
+    values = executor.evaluate(kernel, fmt, wild(block, fmt.dtype, 11, 20000))
     taken = 0
     for d in found.decisions:
         arguments = [values[a] for a in kernel.nodes[d.node].args]
@@ -159,9 +153,9 @@ def test_what_is_proven_impossible_never_happens(drive, library, name, real):
 def test_the_c_gives_every_bit(drive, name, real):
     block, library = block_of(drive, name), compile_device(drive, real)
     oracle = CasadiOracle(drive.system) if real == "f64" else None
-    assert setup_difference(block, library) == ""
+    assert executor.setup_difference(block, library) == ""
     for stream in tried(drive, block, FORMATS[real].dtype):
-        expected = exact_trajectory(block, library, stream, oracle)
+        expected = executor.exact_trajectory(block, library, stream, oracle)
         assert expected.first_difference(*run_c(library.block(name), stream)) == ""
 
 
@@ -177,9 +171,9 @@ def test_the_aimed_stream_meets_thresholds_to_the_bit(drive, dtype):
     block = block_of(drive, "reference")
     fmt = next(f for f in FORMATS.values() if f.dtype == np.dtype(dtype))
     (stream,) = aimed_stream(block, streams(block, steps=600), dtype)
-    kernel, _ = emitted_kernel(block, fmt)
+    kernel, _ = executor.emitted_kernel(block, fmt)
     _, states = run_symbolic(block, stream)
-    values = evaluate(kernel, fmt, step_arguments(block, stream, states, fmt))
+    values = executor.evaluate(kernel, fmt, executor.step_arguments(block, stream, states, fmt))
     seen = 0
     for i, n in enumerate(kernel.nodes):
         if n.op not in ("lt", "le"):

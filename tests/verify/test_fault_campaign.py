@@ -11,18 +11,10 @@ from esea_gen.board.scripted import TapedBoard, play
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.verify.faults import campaign
+from esea_gen.verify.faults import campaign, kinds
 from esea_gen.verify.faults.campaign import LimbEnvelope, bound_ticks
 from esea_gen.verify.faults.driven import DrivenRig
 from esea_gen.verify.faults.emulated import emulated_sample
-from esea_gen.verify.faults.kinds import (
-    INPUT_KINDS,
-    BoardFault,
-    Distortion,
-    all_faults,
-    measured_and_wanted,
-    words,
-)
 from esea_gen.verify.faults.rig import AFTER, COMMON, SCENES, SUBJECTS, intended, rig_of
 from tests.cli.test_cli import refused, run
 from tests.conftest import require_tool
@@ -44,7 +36,7 @@ def rig(drive):
 
 def distorted(kind: str, amount: float, values, low=0.0, high=4095.0, wraps=True) -> list[float]:
     """Values from the third on are distorted."""
-    wrong = Distortion(BoardFault("count_load", kind, amount), low, high, wraps)
+    wrong = kinds.Distortion(kinds.BoardFault("count_load", kind, amount), low, high, wraps)
     for v in values[:2]:
         wrong(-1, v)
     return [wrong(age, v) for age, v in enumerate(values[2:])]
@@ -94,20 +86,20 @@ def test_what_is_missing_and_what_is_no_number():
 @pytest.mark.ci
 def test_a_round_leaves_nothing_out(drive):
     library = compile_system(drive.system, "f32")
-    memory = [words(library.dtype(f"{library.prefix}_{k}_t")) for k in ("state", "coeffs")]
-    found = all_faults(drive, *memory, seed=0, most=2000)
+    memory = [kinds.words(library.dtype(f"{library.prefix}_{k}_t")) for k in ("state", "coeffs")]
+    found = kinds.all_faults(drive, *memory, seed=0, most=2000)
     assert len(found) == 2000
-    inputs, wanted = measured_and_wanted(drive)
+    inputs, wanted = kinds.measured_and_wanted(drive)
     assert {n.partition("_")[0] for n in inputs} == {"count", "frame"}
     assert len(inputs) == 6
     assert "tau_desired_Nm" in wanted
     pairs = {(f.place, f.kind) for f in found}
-    assert {(p, k) for p in (*inputs, *wanted) for k in INPUT_KINDS} <= pairs
+    assert {(p, k) for p in (*inputs, *wanted) for k in kinds.INPUT_KINDS} <= pairs
     for place, all_ in zip(("state", "coefficients"), memory, strict=True):
         assert {w.name for w in all_} <= {f.word for f in found if f.place == place}
     assert {("clock", "lost ticks"), ("clock", "control starved")} <= pairs
     assert {("link", "cut"), ("stop line", "open"), ("operator", "stop")} <= pairs
-    assert all_faults(drive, *memory, seed=0, most=2000) == found
+    assert kinds.all_faults(drive, *memory, seed=0, most=2000) == found
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda s: s.name)
@@ -123,18 +115,18 @@ def test_a_sound_drive_follows_to_the_end(rig, scene):
 @pytest.mark.parametrize(
     ("fault", "bound", "reason"),
     [
-        (BoardFault("stop line", "open"), 0, 0),
-        (BoardFault("operator", "stop"), TIMES_MS["STOP_OFF"][0], 0),
-        (BoardFault("link", "cut"), TIMES_MS["DEADLINE"][0], 0),
-        (BoardFault("clock", "lost ticks", 1), 0, 13),
-        (BoardFault("clock", "control starved", 60), 25, 7),
-        (BoardFault("count_load", "NaN"), 3, 6),
-        (BoardFault("frame_error_motor", "jump", 0.3), 3, 6),
-        (BoardFault("count_gear", "NaN"), 3 + 6, 6),
-        (BoardFault("tau_desired_Nm", "NaN"), 10, 5),
-        (BoardFault("coefficients", "bit flip", 3, "smc.x", 0), 6, 15),
+        (kinds.BoardFault("stop line", "open"), 0, 0),
+        (kinds.BoardFault("operator", "stop"), TIMES_MS["STOP_OFF"][0], 0),
+        (kinds.BoardFault("link", "cut"), TIMES_MS["DEADLINE"][0], 0),
+        (kinds.BoardFault("clock", "lost ticks", 1), 0, 13),
+        (kinds.BoardFault("clock", "control starved", 60), 25, 7),
+        (kinds.BoardFault("count_load", "NaN"), 3, 6),
+        (kinds.BoardFault("frame_error_motor", "jump", 0.3), 3, 6),
+        (kinds.BoardFault("count_gear", "NaN"), 3 + 6, 6),
+        (kinds.BoardFault("tau_desired_Nm", "NaN"), 10, 5),
+        (kinds.BoardFault("coefficients", "bit flip", 3, "smc.x", 0), 6, 15),
     ],
-    ids=lambda x: f"{x.place} {x.kind}" if isinstance(x, BoardFault) else None,
+    ids=lambda x: f"{x.place} {x.kind}" if isinstance(x, kinds.BoardFault) else None,
 )
 def test_what_has_a_bound_is_found_within_it(rig, drive, fault, bound, reason):
     assert bound_ticks(drive, fault) == bound
@@ -146,10 +138,10 @@ def test_what_has_a_bound_is_found_within_it(rig, drive, fault, bound, reason):
 
 
 def test_a_run_is_the_same_after_any_other(rig):
-    fault = BoardFault("count_load", "freeze")
+    fault = kinds.BoardFault("count_load", "freeze")
     first = rig.run(SCENE, fault, AT, seed=2)
-    rig.run(SCENES[0], BoardFault("state", "bit flip", 7, "any", 400), AT, seed=5)
-    rig.run(SCENES[0], BoardFault("stop line", "open"), AT, seed=5)
+    rig.run(SCENES[0], kinds.BoardFault("state", "bit flip", 7, "any", 400), AT, seed=5)
+    rig.run(SCENES[0], kinds.BoardFault("stop line", "open"), AT, seed=5)
     assert rig.run(SCENE, fault, AT, seed=2) == first
     assert first.found_ticks is None or first.found_ticks < AFTER
 
@@ -157,7 +149,7 @@ def test_a_run_is_the_same_after_any_other(rig):
 def test_work_and_torque_against_a_drive_that_only_lets_itself_be_moved(rig):
     """Held output: the true torque is the elastomer's, no work is done on a joint that stands."""
     held = next(s for s in SCENES if s.name == "held at 1.7 Nm")
-    felt = rig.run(held, BoardFault("stop line", "open"), AT, seed=1)
+    felt = rig.run(held, kinds.BoardFault("stop line", "open"), AT, seed=1)
     assert felt.energy_J == pytest.approx(0.0, abs=1e-9)
     assert 0.2 < felt.peak_torque_Nm < 8
 
@@ -220,12 +212,12 @@ def test_with_its_drivers_a_sound_drive_follows_to_the_end(driven):
 @pytest.mark.parametrize(
     ("fault", "bound", "reason"),
     [
-        (BoardFault("encoder motor", "stuck low"), 4, 6),
-        (BoardFault("encoder load", "one wrong bit"), 4, 6),
-        (BoardFault("encoder load", "dead bus"), 4, 6),
-        (BoardFault("encoder motor", "magnet weak"), 7, 6),
-        (BoardFault("encoder gear", "stuck high"), 10, 6),
-        (BoardFault("current", "saturated high"), 20, 106),
+        (kinds.BoardFault("encoder motor", "stuck low"), 4, 6),
+        (kinds.BoardFault("encoder load", "one wrong bit"), 4, 6),
+        (kinds.BoardFault("encoder load", "dead bus"), 4, 6),
+        (kinds.BoardFault("encoder motor", "magnet weak"), 7, 6),
+        (kinds.BoardFault("encoder gear", "stuck high"), 10, 6),
+        (kinds.BoardFault("current", "saturated high"), 20, 106),
     ],
     ids=lambda x: getattr(x, "input", None),
 )
@@ -239,14 +231,16 @@ def test_what_a_driver_finds_is_found_in_time(drive, driven, fault, bound, reaso
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_after_a_cut_while_storing_the_drive_is_sound(driven, share):
-    assert driven.run(SCENE, BoardFault("store", "power cut", share), AT, 3).found_ticks is None
+    assert (
+        driven.run(SCENE, kinds.BoardFault("store", "power cut", share), AT, 3).found_ticks is None
+    )
 
 
 def test_a_store_that_mixes_two_sets_is_seen(driven, monkeypatch):
     """Parameters of a third value come back."""
     monkeypatch.setattr(driven.board, "parameter", lambda name: 15.0)
     with pytest.raises(UserError, match="mixes sets"):
-        driven.run(SCENE, BoardFault("store", "power cut", 0.5), AT, 3)
+        driven.run(SCENE, kinds.BoardFault("store", "power cut", 0.5), AT, 3)
 
 
 def taped(drive, fault):
@@ -263,7 +257,7 @@ def taped(drive, fault):
 def test_the_emulator_does_what_the_board_in_this_process_does(drive):
     require_tool("qemu-system-arm")
     require_tool("arm-none-eabi-gcc")
-    fault = BoardFault("encoder load", "stuck high")
+    fault = kinds.BoardFault("encoder load", "stuck high")
     case = {"place": fault.place, "kind": fault.kind, "amount": 0.0, "at": 900, "seed": 3}
     case |= {"scene": SCENES[1].name, "person": COMMON, "sign": 1}
     (found,) = emulated_sample(drive, [case], 1, 0)

@@ -11,14 +11,7 @@ import pytest
 from esea_gen.device import Device, load_device, parse_device
 from esea_gen.devices.file import shipped_devices
 from esea_gen.errors import UserError
-from esea_gen.verify.traces import (
-    MARK,
-    accept_traces,
-    check_traces,
-    differences,
-    run_trace,
-    trace_stream,
-)
+from esea_gen.verify import traces
 from tests.conftest import ROOT
 
 TRACES = ROOT / "tests" / "traces"
@@ -31,7 +24,7 @@ def stored() -> str:
 
 @pytest.fixture(scope="module")
 def trace(elbow):
-    return run_trace(elbow)
+    return traces.run_trace(elbow)
 
 
 def changed_elbow(pattern: str, value: str) -> Device:
@@ -52,15 +45,15 @@ DEVICES = [
 @cache
 def checked(name: str) -> tuple[list[str], dict[str, np.ndarray]]:
     """What differs of a device, and the stream that it was run over."""
-    streams = []
+    streams, own = [], traces.trace_stream
 
     def kept(device):
-        streams.append(trace_stream(device))
+        streams.append(own(device))
         return streams[-1]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("esea_gen.verify.traces.trace_stream", kept)
-        found = check_traces(TRACES, {name: load_device(name)})
+        found = traces.check_traces(TRACES, {name: load_device(name)})
     ((stream, _),) = streams
     return found, stream
 
@@ -73,7 +66,7 @@ def test_every_shipped_device_behaves_as_accepted(name):
 
 def test_a_changed_parameter_shows(stored):
     device = changed_elbow(r"(k1_Nm_rad = \{ value = )[\d.]+", r"\g<1>9.391")
-    found = differences(run_trace(device), stored)
+    found = traces.differences(traces.run_trace(device), stored)
     assert [line.split()[1] for line in found] == ["tau_Nm", "tau_spring_Nm"]
     for line in found:
         assert re.fullmatch(
@@ -85,18 +78,20 @@ def test_a_changed_parameter_shows(stored):
 
 def test_a_changed_threshold_shows_as_flags(elbow, stored):
     device = changed_elbow(r"(tau_full_scale_Nm = \{ value = )[\d.]+", r"\g<1>3.0")
-    found = differences(run_trace(device), stored)
+    found = traces.differences(traces.run_trace(device), stored)
     assert len(found) == 1
     assert re.search(r"sensor_status .*: 0 -> TORQUE_OUTSIDE; \d+ of 400 rows differ$", found[0])
 
 
 def test_a_changed_input_is_told_first(stored):
     device = changed_elbow(r"(theta_max_rad = \{ value = )[\d.]+", r"\g<1>0.19")
-    assert differences(run_trace(device), stored)[0].startswith("elbow: theta_rad from step")
+    assert traces.differences(traces.run_trace(device), stored)[0].startswith(
+        "elbow: theta_rad from step"
+    )
 
 
 def test_added_and_removed_columns_show(trace, stored):
-    assert differences(trace, stored.replace(",tau_rate_Nm,", ",tau_old_Nm,", 1)) == [
+    assert traces.differences(trace, stored.replace(",tau_rate_Nm,", ",tau_old_Nm,", 1)) == [
         "elbow: output tau_rate_Nm added",
         "elbow: column tau_old_Nm removed",
     ]
@@ -104,59 +99,59 @@ def test_added_and_removed_columns_show(trace, stored):
 
 def test_a_last_digit_of_another_libm_does_not_show(trace, stored):
     other = {n: a * (1 + 1e-13) if n == "tau_Nm" else a for n, a in trace.outputs.items()}
-    assert differences(type(trace)(**(vars(trace) | {"outputs": other})), stored) == []
+    assert traces.differences(type(trace)(**(vars(trace) | {"outputs": other})), stored) == []
     other["tau_Nm"] = trace.outputs["tau_Nm"] + 4.47e-8
-    assert len(differences(type(trace)(**(vars(trace) | {"outputs": other})), stored)) == 1
+    assert len(traces.differences(type(trace)(**(vars(trace) | {"outputs": other})), stored)) == 1
 
 
 @pytest.mark.parametrize("text", ["", "nonsense", "step,theta_rad\n1\n", "a,b\n1,2\n"])
 def test_a_broken_file_is_told(trace, text):
-    assert len(differences(trace, text)) == 1
-    assert "cannot be read" in differences(trace, text)[0]
+    assert len(traces.differences(trace, text)) == 1
+    assert "cannot be read" in traces.differences(trace, text)[0]
 
 
 def test_a_shorter_file_is_told(trace, stored):
     cut = "\n".join(stored.splitlines()[:200])
-    assert "the stream is another one: 198 rows" in differences(trace, cut)[0]
+    assert "the stream is another one: 198 rows" in traces.differences(trace, cut)[0]
 
 
 @pytest.mark.ci
 def test_accept_writes_then_keeps_then_replaces(elbow, tmp_path):
     devices = {"elbow": elbow}
     folder = tmp_path / "new" / "traces"
-    assert check_traces(folder, devices) == ["elbow: no trace is stored yet"]
-    assert accept_traces(folder, devices) == ["elbow: no trace is stored yet"]
+    assert traces.check_traces(folder, devices) == ["elbow: no trace is stored yet"]
+    assert traces.accept_traces(folder, devices) == ["elbow: no trace is stored yet"]
     path = folder / "elbow.csv"
-    assert check_traces(folder, devices) == []
+    assert traces.check_traces(folder, devices) == []
     before = path.stat().st_mtime_ns
-    assert accept_traces(folder, devices) == []
+    assert traces.accept_traces(folder, devices) == []
     assert path.stat().st_mtime_ns == before
 
     changed = {"elbow": changed_elbow(r"(k1_Nm_rad = \{ value = )[\d.]+", r"\g<1>9.5")}
-    found = check_traces(folder, changed)
+    found = traces.check_traces(folder, changed)
     assert found
-    assert accept_traces(folder, changed) == found
-    assert check_traces(folder, changed) == []
-    assert check_traces(folder, devices) != []
+    assert traces.accept_traces(folder, changed) == found
+    assert traces.check_traces(folder, changed) == []
+    assert traces.check_traces(folder, devices) != []
 
 
 def test_the_trace_of_a_device_that_is_gone(tmp_path, monkeypatch):
     one = {"elbow": shipped_devices()["elbow"]}
     monkeypatch.setattr("esea_gen.verify.traces.shipped_devices", lambda: one)
-    accept_traces(tmp_path)
-    (tmp_path / "gone.csv").write_text(f"{MARK}: gone\nstep\n")
+    traces.accept_traces(tmp_path)
+    (tmp_path / "gone.csv").write_text(f"{traces.MARK}: gone\nstep\n")
     (tmp_path / "other.csv").write_text("not ours\n")
     gone = ["gone: a trace is stored, but there is no such device"]
-    assert check_traces(tmp_path) == gone
-    assert accept_traces(tmp_path) == gone
-    assert check_traces(tmp_path) == []
+    assert traces.check_traces(tmp_path) == gone
+    assert traces.accept_traces(tmp_path) == gone
+    assert traces.check_traces(tmp_path) == []
     assert (tmp_path / "other.csv").exists()
 
 
 def test_a_folder_that_cannot_be_written(elbow, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="cannot be written"):
-        accept_traces(tmp_path / "file" / "traces", {"elbow": elbow})
+        traces.accept_traces(tmp_path / "file" / "traces", {"elbow": elbow})
 
 
 # -- what a drive's trace is run over: everything that it is to show happens in it ----------------

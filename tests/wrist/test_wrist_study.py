@@ -25,14 +25,7 @@ from esea_host.study.plan import build_plan
 from esea_host.study.protocol import parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.task import Situation, task_named
-from esea_host.wrist.analysis import (
-    after_effect_deg,
-    analyse,
-    dominant,
-    learning,
-    median_peak,
-    tracking,
-)
+from esea_host.wrist import analysis
 from esea_host.wrist.calibration import calibrated, cursor_maps
 from esea_host.wrist.figures import distributions
 from esea_host.wrist.moving import Moving, advance, target_distance_deg
@@ -166,8 +159,8 @@ def test_who_pulls_away_first_is_told_apart():
     task, state = catch(axis="RU", stationary=True)
     row = played(task, state, [0.0] * 60 + [-3.0] * 30 + [6.0] * 30 + [4.0] * 100).outcome.row
     assert row["pulled_away"]
-    assert after_effect_deg(row, True) == pytest.approx(-7.0)
-    assert after_effect_deg(row, False) == pytest.approx(-2.0)
+    assert analysis.after_effect_deg(row, True) == pytest.approx(-7.0)
+    assert analysis.after_effect_deg(row, False) == pytest.approx(-2.0)
 
 
 def test_the_normalised_cursor_ends_where_the_map_says():
@@ -226,17 +219,17 @@ def test_a_new_neutral_position_begins_a_new_calibration():
 
 def test_dominant_component_of_a_sine():
     t = np.arange(0, 20, 0.01)
-    frequency, amplitude = dominant(3.0 * np.sin(2 * np.pi * 0.4 * t) + 0.5, 0.01)
+    frequency, amplitude = analysis.dominant(3.0 * np.sin(2 * np.pi * 0.4 * t) + 0.5, 0.01)
     assert frequency == pytest.approx(0.4, abs=0.005)
     assert amplitude == pytest.approx(3.0, rel=0.01)
-    assert median_peak(3.0 * np.sin(2 * np.pi * 0.4 * t)) == pytest.approx(3.0, rel=1e-3)
+    assert analysis.median_peak(3.0 * np.sin(2 * np.pi * 0.4 * t)) == pytest.approx(3.0, rel=1e-3)
 
 
 def test_tracking_half_as_fast_is_half_the_error():
     t = np.arange(0, 20, 0.01)
     theta = 10 * np.sin(2 * np.pi * 0.25 * t)
     row = {"time_s": list(t), "target_deg": list(theta), "cursor_deg": list(0.5 * theta)}
-    found = tracking(row)
+    found = analysis.tracking(row)
     assert found["peak_c_deg_s"] == pytest.approx(0.5 * found["peak_h_deg_s"])
     assert found["rms_error_percent"] == pytest.approx(100 * 0.5 / math.sqrt(2), rel=1e-3)
 
@@ -251,7 +244,7 @@ def test_learning_takes_medians_over_blocks():
 
     rows = [row("1", True, 100), row("1", False, 9), row("2", True, 200), row("2", True, 300)]
     rows += [row("3", False, 9), row("3", True, 50, catch=True, furthest=6.5)]
-    found = learning(rows)
+    found = analysis.learning(rows)
     assert found["achieved_RU"] == 1
     assert found["sse_RU_deg2"] == pytest.approx(175)  # of 100 and 250
     assert found["after_effect_deg"] == pytest.approx(-2.5)
@@ -336,7 +329,7 @@ def studied(tmp_path_factory, gcc):
 
 @pytest.fixture(scope="module")
 def result(studied):
-    return analyse(studied)
+    return analysis.analyse(studied)
 
 
 @pytest.mark.ci
