@@ -21,6 +21,7 @@ from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
+from tests.own_device import own_text
 from tests.studies.test_experiments import shorter
 
 # What is copied from the elbow is for its rate, and said so.
@@ -61,13 +62,7 @@ def drawn(number: int) -> tuple[str, bool]:
             "u_max_Nm": u_max * float(rng.choice([0.5, 1.0])),
             "omega_max_rad_s": 0.8 * top,
         }
-    lines = ["schema = 1", f'extends = "elbow{"_drive" if drive else ""}"']
-    lines += [f'name = "own{number}"', f'title = "own device {number}"']
-    for name, keys in tables.items():
-        lines.append(f"[{name}]")
-        note = 'status = "assumed", source = "drawn"'
-        lines += [f"{k} = {{ value = {v!r}, {note} }}" for k, v in keys.items()]
-    return "\n".join(lines) + "\n", drive
+    return own_text("", "elbow_drive" if drive else "elbow", f"own{number}", **tables), drive
 
 
 def said(*words: str, codes: tuple[int, ...] = (0,)) -> str:

@@ -19,6 +19,7 @@ from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import CBoard, run_schedule
 from esea_gen.twin.recorded import record_drive
 from tests.conftest import require_tool
+from tests.own_device import own_text
 from tests.proof.preempt import PreemptionResult, instructions_of, preempt_everywhere, slower_task
 
 pytestmark = pytest.mark.ci
@@ -26,14 +27,6 @@ pytestmark = pytest.mark.ci
 BOARD = "netduinoplus2"
 TICKS = 300
 NOTHING = np.float32(np.nan), np.uint32(2**32 - 1)  # a number and a whole one, not measured
-RELEASED_LATER = """schema = 1
-extends = "elbow_drive"
-name = "elbow_later"
-title = "The elbow's drive, its control task released after two ticks"
-
-[timing]
-control_release_s = { value = 0.002, status = "assumed", source = "for a tick in it" }
-"""
 TABLE_DRIVER = """
 #include "cortex_m.h"
 static const float table[] = {{ {values} }};
@@ -192,7 +185,7 @@ def given(elbow_drive):
 @pytest.fixture(scope="module")
 def later(tmp_path_factory):
     path = tmp_path_factory.mktemp("device") / "later.toml"
-    path.write_text(RELEASED_LATER, encoding="utf-8")
+    path.write_text(own_text(name="elbow_later", timing={"control_release_s": 0.002}))
     return load_device(str(path))
 
 

@@ -12,13 +12,14 @@ import pytest
 from esea_gen.board import release as releases
 from esea_gen.board.release import TaskTimes, task_times
 from esea_gen.control.predictive.drive import LEAST_SHARE
-from esea_gen.device import load_device, parse_device
+from esea_gen.device import load_device
 from esea_gen.devices.file import controller_document
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import HostLibrary
 from esea_gen.targets import BOARDS
 from tests.benchmarks.predictive import stress_rows
 from tests.conftest import require_tool
+from tests.own_device import own_device
 from tests.rendered_program import render_program
 
 M4F = BOARDS["netduinoplus2"]
@@ -108,13 +109,9 @@ def test_a_release_before_the_end_is_refused_with_the_one_that_fits():
 
 @pytest.fixture(scope="module")
 def at_1_ms():
-    text = 'schema = 1\nextends = "elbow_drive"\nname = "early"\ntitle = "Test"\n[predictive]\n'
-    for key, value in controller_document("mpc")["predictive"].items():
-        if isinstance(value, str):
-            text += f'{key} = "{value}"\n'
-        else:
-            text += f'{key} = {{ value = {value["value"]}, status = "assumed", source = "x" }}\n'
-    return parse_device(text, "early.toml")
+    given = controller_document("mpc")["predictive"].items()
+    values = {k: v if isinstance(v, str) else v["value"] for k, v in given}
+    return own_device(name="early", predictive=values)
 
 
 @pytest.mark.slow

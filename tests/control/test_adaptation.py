@@ -16,6 +16,7 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool, without
 from tests.control.test_passive_block import SHIPPED
+from tests.own_device import own_device
 
 CASE = "1.7 Nm 0.6 Hz"
 
@@ -48,16 +49,12 @@ def test_a_device_without_the_section_has_neither_block_nor_ports(bare):
 
 
 def test_it_goes_with_a_drive_and_names_what_it_may_not():
-    def own(base: str, section: str) -> str:
-        return f'schema = 1\nextends = "{base}"\nname = "own"\ntitle = "Own"\n{section}'
-
     text = SHIPPED.read_text(encoding="utf-8")
     section = "[adaptation]" + text.split("[adaptation]")[1].split("\n[")[0]
     with pytest.raises(UserError, match=r"section \[actuator\] is missing"):
-        parse_device(own("elbow", section), "own.toml")
-    scale = 'scale_least = { value = 1.2, status = "assumed", source = "x" }'
+        own_device(section, "elbow")
     with pytest.raises(UserError, match="scale_least"):
-        parse_device(own("elbow_drive", f"[adaptation]\n{scale}\n"), "own.toml")
+        own_device(adaptation={"scale_least": 1.2})
 
 
 def test_a_rubber_that_is_off_is_adapted_to():

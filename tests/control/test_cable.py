@@ -21,17 +21,9 @@ from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool
+from tests.own_device import own_device, q
 
 STEP = 2 * math.pi / 4096  # of a joint encoder
-
-
-def mine(text: str) -> Device:
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
-    return parse_device(head + text, "mine.toml")
-
-
-def q(value: float) -> str:
-    return f'{{ value = {value}, status = "assumed", source = "a test" }}'
 
 
 # -- the observer ----------------------------------------------------------------------------------
@@ -247,7 +239,7 @@ def predictive(text: str) -> Device:
             ("intervals", 10.0), ("interval_s", 0.02), ("substeps", 4.0), ("Q", 300.0), ("R", 1.0)
         )
     )  # fmt: skip
-    return mine(f'laws = ["predictive"]\n[predictive]\n{numbers}{text}')
+    return own_device(f'laws = ["predictive"]\n[predictive]\n{numbers}{text}')
 
 
 def test_what_does_not_go_together_is_refused():
@@ -258,7 +250,7 @@ def test_what_does_not_go_together_is_refused():
     with pytest.raises(UserError, match="as published"):
         _ = predictive('drive = "cable"\nperson = "parabola"\n').system
     with pytest.raises(UserError, match=r"cable.backlash_rad = 0.05 is above cable.backlash_most"):
-        mine(f"[cable]\nbacklash_rad = {q(0.05)}\n")
+        own_device(cable={"backlash_rad": 0.05})
     elbow = text[: text.index("\n[redundancy]")]
     with pytest.raises(UserError, match=r"section \[redundancy\] is missing"):
         parse_device(elbow + text[text.index("\n[cable]") :], "mine.toml")

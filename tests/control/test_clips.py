@@ -10,7 +10,7 @@ from esea_gen.control.limits.redundancy import redundancy
 from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode.controller import sliding_mode
-from esea_gen.device import load_device, parse_device
+from esea_gen.device import load_device
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.walker import Kernel, walk
 from esea_gen.language.block import Block
@@ -24,6 +24,7 @@ from esea_gen.observe.extrapolation import parabola
 from esea_gen.observe.human import extended_state, lag_observer
 from esea_gen.observe.rates import motor_rate
 from esea_gen.verify.executor import coefficients_of, evaluate
+from tests.own_device import own_device
 
 CASES = 6000
 EXTREMES = ("fmin", "fmax")
@@ -134,18 +135,10 @@ def test_a_flag_tells_of_every_clip_of_a_state(drive, name):
 
 
 # 1.01 times its speed is no float32 number: the next one inside is smaller.
-ODD = """
-schema = 1
-extends = "elbow_drive"
-name = "odd"
-title = "a speed that no format holds exactly"
-[actuator]
-gear_ratio = { value = 50.0, status = "assumed", source = "typed" }
-encoder_bits = { value = 12, status = "assumed", source = "typed" }
-omega_max_rad_s = { value = 2.0, status = "assumed", source = "typed" }
-[safety]
-omega_max_rad_s = { value = 1.7, status = "assumed", source = "typed" }
-"""
+ODD = {
+    "actuator": {"gear_ratio": 50.0, "encoder_bits": 12, "omega_max_rad_s": 2.0},
+    "safety": {"omega_max_rad_s": 1.7},
+}
 
 
 def last_ends(kernel, i):
@@ -168,7 +161,7 @@ def last_ends(kernel, i):
 @pytest.mark.filterwarnings("ignore:.*designed for")
 @pytest.mark.parametrize("name", ["odd", "elbow_drive", "elbow_mpc", "knee", "wrist"])
 def test_no_state_is_clipped_a_hair_beyond_its_range(name):
-    device = parse_device(ODD, "odd.toml") if name == "odd" else load_device(name)
+    device = own_device(**ODD) if name == "odd" else load_device(name)
     seen = 0
     for block in (b for b in device.system.kinds if isinstance(b, Block)):
         kernel = walk(block.step)

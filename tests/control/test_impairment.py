@@ -23,16 +23,13 @@ from esea_gen.verify.memories import other_memories
 from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import at_the_limits, streams
 from tests.conftest import require_tool
+from tests.own_device import own_device
 
 
 @pytest.fixture(scope="module")
 def device():
     require_tool("gcc")
-    return parse_device(
-        'schema = 1\nextends = "wrist_drive"\nname = "published"\ntitle = "published wall"\n'
-        '[impairment]\nwall = "published"\n',
-        "published.toml",
-    )
+    return own_device(base="wrist_drive", name="published", impairment={"wall": "published"})
 
 
 @pytest.fixture(scope="module")

@@ -29,6 +29,7 @@ from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.run import run_case, run_on
 from tests.conftest import ROOT, require_tool
+from tests.own_device import own_device, own_text
 
 EXAMPLE = f"{ROOT / 'examples' / 'proportional.py'}:LAW"
 CHANGE_S = (3.4, 5.0)
@@ -38,11 +39,9 @@ CHANGE_S = (3.4, 5.0)
 
 
 def test_a_devices_own_number_stands_over_its_controllers():
-    text = 'schema = 1\nextends = "elbow_drive"\ncontroller = "smc-published"\nname = "mine"\n'
-    text += 'title = "Test"\n[sliding_mode]\n'
-    own = 'lambda_1_s = { value = 11.0, status = "assumed", source = "a test" }\n'
-    for added, slope in (("", 9.0), (own, 11.0)):
-        found = parse_device(text + added, "mine.toml").file.sliding_mode
+    for added, slope in (({}, 9.0), ({"lambda_1_s": 11.0}, 11.0)):
+        device = own_device('controller = "smc-published"\n', sliding_mode=added)
+        found = device.file.sliding_mode
         assert (found.lambda_1_s.value, found.setpoint_acceleration) == (slope, "zero")
 
 
@@ -154,12 +153,8 @@ def test_two_laws_in_one_system_change_without_a_bump(both, loop, tmp_path):
     # Until the first change it is the sliding mode alone, to the bit; the torque follows always.
     # Predictive control beside it asks for a release after 2 ms, and for a quicker decay.
     alone_at_2_ms = tmp_path / "smc.toml"
-    alone_at_2_ms.write_text(
-        'schema = 1\nextends = "elbow_drive"\nname = "smc_2_ms"\ntitle = "Test"\n'
-        'laws = ["sliding_mode"]\n[timing]\n'
-        'control_release_s = { value = 0.002, status = "assumed", source = "test" }\n'
-        '[disturbance]\ndecay_s = { value = 0.1, status = "assumed", source = "test" }\n'
-    )
+    slower = {"timing": {"control_release_s": 0.002}, "disturbance": {"decay_s": 0.1}}
+    alone_at_2_ms.write_text(own_text('laws = ["sliding_mode"]\n', **slower))
     single = run_case(case, Setting(str(alone_at_2_ms), "real", "none", "f32"), 0)
     until = int(1e3 * CHANGE_S[0])
     assert np.array_equal(u[:until], single.controller["u_Nm"][:until])
@@ -191,12 +186,8 @@ def test_laws_that_want_a_block_otherwise_do_not_go_together(drive):
 def test_two_active_axes_need_no_second_wiring(drive):
     """Each axis does what the drive of one axis does, bit for bit; a stop stops both."""
     require_tool("gcc")
-    text = 'schema = 1\nextends = "elbow_drive"\nname = "pair"\ntitle = "Two"\n'
-    text += 'axes = ["flexion", "deviation"]\n'
-    for side in ("motor", "load"):
-        zero = '{ value = 0.0, status = "assumed", source = "as the drive of one axis" }'
-        text += f"[encoder.{side}]\nzero_rad = {zero}\n"
-    pair = parse_device(text, "pair.toml")
+    zeros = {f"encoder.{side}": {"zero_rad": 0.0} for side in ("motor", "load")}
+    pair = own_device('axes = ["flexion", "deviation"]\n', name="pair", **zeros)
     one, two = (compile_device(d, "f32").board(zeros_missing(d.system)) for d in (drive, pair))
     sense, control = drive.system.tasks
     rng = np.random.default_rng(5)

@@ -10,24 +10,22 @@ from scipy import signal
 
 from esea_gen.control.sliding_mode import controller as law
 from esea_gen.control.sliding_mode.linear_loop import LEAST_DAMPING, least_damped, low_pass
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.observe.disturbance import drive_observer
 from esea_gen.observe.rates import motor_rate
+from tests.own_device import own_device
 
 H, EVERY = 1e-3, 5
-HEAD = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
 
 
 def variant(**changes: float) -> Device:
     """The shipped drive with other numbers, ``section__key``."""
-    sections: dict[str, list[str]] = {}
+    sections: dict[str, dict[str, float]] = {}
     for key, value in changes.items():
         section, _, name = key.partition("__")
-        line = f'{name} = {{ value = {value!r}, status = "assumed", source = "test" }}'
-        sections.setdefault(section, []).append(line)
-    text = "".join(f"[{s}]\n" + "\n".join(lines) + "\n" for s, lines in sections.items())
-    return parse_device(HEAD + text, "mine.toml")
+        sections.setdefault(section, {})[name] = value
+    return own_device(**sections)
 
 
 def free_response(device: Device, stiffness: float, seconds: float) -> np.ndarray:

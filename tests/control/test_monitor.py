@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from esea_gen.control.limits.monitor import encoder_monitor, monitor
-from esea_gen.device import parse_device
+from tests.own_device import own_device
 
 ROOM = 22, 22, 22, 22, 34, 66  # counts that a bit may stay
 NONE, SWINGS, ROUGH, STUCK = range(4)
@@ -36,12 +36,6 @@ def swung(device, u_Nm, missed_Nm=2.0):
     return y["doubt"].astype(int)
 
 
-def with_bits(bits: int):
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n[encoder]\n'
-    q = f'{{ value = {bits}, status = "assumed", source = "a test" }}'
-    return parse_device(f"{head}resolution_bits = {q}\n", "mine.toml")
-
-
 def motion(speed_rad_s: float, amplitude_rad: float = 0.4, seconds: float = 1.0):
     t = 1e-3 * np.arange(round(1000 * seconds))
     return 0.7 + amplitude_rad * np.sin(speed_rad_s / amplitude_rad * t)
@@ -52,7 +46,7 @@ def motion(speed_rad_s: float, amplitude_rad: float = 0.4, seconds: float = 1.0)
 )
 def test_sound_encoders_are_not_doubted(bits):
     """Rest, slow and fast, steadily and in swings, coarse and fine, with noise and a wild frame."""
-    device = with_bits(bits)
+    device = own_device(encoder={"resolution_bits": bits})
 
     def wild(count):
         return np.where(np.arange(len(count)) == 300, (count + 2**bits // 100) % 2**bits, count)

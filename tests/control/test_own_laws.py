@@ -17,6 +17,7 @@ from esea_gen.emit.walker import OPERATIONS
 from esea_gen.errors import UserError
 from esea_gen.trust import read_code, trust
 from esea_gen.twin.controllers import controller_device
+from tests.own_device import own_text
 
 EXAMPLE = (Path(__file__).parents[2] / "examples" / "proportional.py").read_text()
 
@@ -114,13 +115,7 @@ def test_no_function_that_is_refused_can_be_emitted():
     assert not codes & {getattr(ca, f"OP_{n.upper()}") for n in NOT_IN_C}
 
 
-OWN = """
-schema = 1
-extends = "elbow_drive"
-name = "own"
-title = "own"
-laws = ["laws/mine.py:LAW"]
-"""
+OWN = own_text('laws = ["laws/mine.py:LAW"]\n', name="own")
 BESIDE = f"{EXAMPLE}\n# beside its device file\n"
 
 

@@ -13,10 +13,11 @@ import sympy as sp
 import esea_gen
 from esea_gen.control.limits.block import limits
 from esea_gen.control.passivity import passivity
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.compiler import find_compiler
 from tests.conftest import require_tool
+from tests.own_device import own_device, q
 
 # Typed again from the published drive and the file; held against the device below.
 H, J, RATIO, LAG_S, U_MAX, U_STEP = 1e-3, 0.663, 74.0, 0.03488, 0.221, 0.05
@@ -26,15 +27,6 @@ LATE_S = (
     0.0144  # of the speed: 13.9 ms by its filter of 30 Hz, half a millisecond by the difference
 )
 SHIPPED = Path(esea_gen.__file__).parent / "devices" / "elbow_drive.toml"
-
-
-def mine(text: str) -> Device:
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
-    return parse_device(head + text, "mine.toml")
-
-
-def q(value: float) -> str:
-    return f'{{ value = {value}, status = "assumed", source = "a test" }}'
 
 
 def sample(**changed: float) -> dict[str, float]:
@@ -354,7 +346,7 @@ def test_the_proof_is_of_the_blocks_own_constants(drive):
 )
 def test_gains_that_are_not_passive_are_refused(text, words):
     with pytest.raises(UserError) as found:
-        mine(text)
+        own_device(text)
     for word in words:
         assert word in str(found.value)
 

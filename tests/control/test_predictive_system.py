@@ -10,7 +10,6 @@ import pytest
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.predictive.ahead import ahead
 from esea_gen.control.predictive.horizon import Horizon
-from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.observe.extrapolation import parabola_weights
@@ -26,29 +25,18 @@ from esea_gen.verify.runs import run_executor
 from esea_gen.verify.verdict import Verification
 from tests.conftest import require_tool
 from tests.control.test_predictive_loop import rms
+from tests.own_device import own_device
 from tests.proof.sanitize import GivenRenderer
 
 pytestmark = pytest.mark.ci
 
-PREDICTIVE = """
-[predictive]
-intervals = { value = 4.0, status = "assumed", source = "test" }
-interval_s = { value = 0.02, status = "assumed", source = "test" }
-substeps = { value = 2.0, status = "assumed", source = "test" }
-Q = { value = 300.0, status = "assumed", source = "test" }
-R = { value = 1.0, status = "assumed", source = "test" }
-"""
-
-
-def device(text: str = "", name: str = "mine", base: str = "elbow_drive"):
-    head = f'schema = 1\nextends = "{base}"\nname = "{name}"\ntitle = "Test"\n'
-    return parse_device(head + PREDICTIVE + text, f"{name}.toml")
+SHORT = {"intervals": 4, "interval_s": 0.02, "substeps": 2, "Q": 300.0, "R": 1.0}
 
 
 @pytest.fixture(scope="module")
 def small():
     """A short horizon: quick to compile and to run in Python."""
-    return device('future = "given"\n', "small")
+    return own_device(name="small", predictive=SHORT | {"future": "given"})
 
 
 # -- the person's torque by the thesis' parabola ---------------------------------------------------

@@ -8,25 +8,17 @@ import numpy as np
 import pytest
 
 from esea_gen.control.limits.redundancy import redundancy
-from esea_gen.device import Device, parse_device
+from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.model.gear_encoder import gear_encoder
 from esea_gen.observe.disturbance import gear_observer
 from tests.conftest import without
+from tests.own_device import own_device
 
 FULL, RATIO, H = 2**17, 74, 1e-3
 RAD = 2 * math.pi / (FULL * RATIO)  # of the joint, a count of the shaft
 FASTEST = 18526  # counts a tick at 12 rad/s of the joint, by hand: 12e-3 / RAD, rounded up, and one
 SPAN = (0.6 + 3.0 + 2 * 0.35) / RAD
-
-
-def mine(text: str) -> Device:
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
-    return parse_device(head + text, "mine.toml")
-
-
-def q(value: float) -> str:
-    return f'{{ value = {value}, status = "assumed", source = "a test" }}'
 
 
 # -- the motor's encoder ---------------------------------------------------------------------------
@@ -95,10 +87,10 @@ def test_a_jump_is_held_and_then_starts_again(drive):
 
 def test_encoders_whose_turns_cannot_be_counted_are_refused():
     with pytest.raises(UserError, match=r"counts 5\.31e\+07, too many .* 24 bits") as e:
-        gear_encoder(mine(f"[actuator]\nencoder_bits = {q(20)}\n"))
+        gear_encoder(own_device(actuator={"encoder_bits": 20}))
     assert "upper 18 bits" in str(e.value)
     with pytest.raises(UserError, match="half a turn"):
-        gear_encoder(mine(f"[actuator]\nomega_max_rad_s = {q(25.0)}\n"))
+        gear_encoder(own_device(actuator={"omega_max_rad_s": 25.0}))
 
 
 # -- the comparison --------------------------------------------------------------------------------
@@ -120,7 +112,7 @@ def test_a_device_without_the_section_has_two_encoders_and_a_drive_with_it_three
 
 def test_a_softest_cable_that_is_stiffer_is_refused():
     with pytest.raises(UserError, match=r"cable_least_Nm_rad = 200 is above .*cable_Nm_rad = 150"):
-        mine(f"[redundancy]\ncable_least_Nm_rad = {q(200.0)}\n")
+        own_device(redundancy={"cable_least_Nm_rad": 200.0})
 
 
 @pytest.mark.parametrize(("speed", "taken"), [(20.5, True), (21.3, False)])
@@ -128,7 +120,7 @@ def test_with_one_frame_lost_the_way_must_still_be_told(speed, taken):
     """Two periods of 1 ms may turn the shaft by 65535 counts at most: 21.2 rad/s of the joint."""
     counts = math.ceil(speed * H / RAD) + 1
     assert (2 * counts < FULL / 2) is taken
-    device = mine(f"[actuator]\nomega_max_rad_s = {q(speed)}\n")
+    device = own_device(actuator={"omega_max_rad_s": speed})
     if taken:
         assert {c.name: c.value for c in gear_encoder(device).constants}["held_max"] == 1
     else:

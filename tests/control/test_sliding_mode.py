@@ -15,29 +15,22 @@ from esea_gen.control.reference import reference
 from esea_gen.control.setpoint import setpoint_rates
 from esea_gen.control.sliding_mode.controller import sliding_mode
 from esea_gen.control.sliding_mode.surface import equivalent_control, switching_gain
-from esea_gen.device import Device, parse_device
+from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.system import System, Task
 from tests.conftest import require_tool
+from tests.own_device import own_device
 from tests.single_steps import stays_in_range
 
 H, TS = 1e-3, 5e-3
 N, J, FV, FC, WIDTH, TAU_C, JH, U_MAX = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22, 0.221
-PUBLISHED = """
-schema = 1
-extends = "elbow_drive"
-name = "printed"
-title = "as printed"
-[sliding_mode]
-lambda_1_s = { value = 9.0, status = "published", source = "thesis chapter 5" }
-setpoint_acceleration = "zero"
-"""
+PRINTED = {"lambda_1_s": 9.0, "setpoint_acceleration": "zero"}
 
 
 @pytest.fixture(scope="module")
 def printed() -> Device:
-    return parse_device(PUBLISHED, "printed.toml")
+    return own_device(sliding_mode=PRINTED)
 
 
 def beside(*blocks) -> System:
@@ -154,11 +147,10 @@ def test_printed_law_knows_no_acceleration_lag_or_person(printed):
 
 def test_a_slope_that_cannot_be_followed_is_refused():
     for value in (0.5, 40.0):
-        text = PUBLISHED.replace("value = 9.0", f"value = {value}")
         with pytest.raises(UserError, match=rf"lambda_1_s = {value:g} .*from 1 to 25"):
-            parse_device(text, "steep.toml")
+            own_device(sliding_mode=PRINTED | {"lambda_1_s": value})
         # The law does not rely on the file's reader.
-        device = parse_device(PUBLISHED, "steep.toml")
+        device = own_device(sliding_mode=PRINTED)
         own = device.file.sliding_mode
         assert own is not None
         slope = own.lambda_1_s.model_copy(update={"value": value})

@@ -14,6 +14,7 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import fixed_output, tuning
 from tests.conftest import require_tool
+from tests.own_device import own_text
 
 GRID = Horizon(10, 0.02, 4, 0.002)
 ENDS = np.array(GRID.ends_s)
@@ -84,12 +85,8 @@ def test_noise_is_not_taken_for_a_motion():
 
 def held(tmp_path):
     """The same controller that holds the wanted torque still."""
-    text = (
-        'schema = 1\nextends = "elbow_drive"\ncontroller = "mpc-no-preview"\nname = "mpc_held"\n'
-        'title = "Test"\n[predictive]\nfuture = "held"\n'
-    )
     path = tmp_path / "held.toml"
-    path.write_text(text)
+    path.write_text(own_text('controller = "mpc-no-preview"\n', predictive={"future": "held"}))
     return str(path)
 
 

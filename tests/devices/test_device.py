@@ -17,6 +17,7 @@ from esea_gen.devices.file import shipped_controllers, shipped_devices
 from esea_gen.errors import UserError
 from esea_gen.language.ports import Tunable
 from esea_gen.observe.human import error_matrix
+from tests.own_device import own_text as own
 
 ELBOW = shipped_devices()["elbow"].read_text()
 
@@ -72,21 +73,6 @@ def test_all_problems_at_once_each_with_its_line():
         parse_device("schema = 1\n\ntitle title\n", "mine.toml")
 
 
-MINE = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
-
-
-def own(**sections: dict[str, float]) -> str:
-    """A device of one's own with numbers in place of the elbow's drive's."""
-    lines = [MINE]
-    for name, numbers in sections.items():
-        lines.append(f"[{name}]")
-        lines += [
-            f'{k} = {{ value = {v}, status = "assumed", source = "mine" }}'
-            for k, v in numbers.items()
-        ]
-    return "\n".join(lines)
-
-
 def told(text: str, name: str = "mine.toml") -> dict[str, str]:
     """What is said of a device's gains, by section."""
     with warnings.catch_warnings(record=True) as notes:
@@ -122,7 +108,7 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
 
 def test_a_bandwidth_of_another_encoder_is_told_of():
     """Where another one suits by half as much again; not of a drive, whose loop has a say."""
-    mine = MINE.replace("elbow_drive", "elbow") + "[encoder]\n"
+    mine = own("[encoder]\n", "elbow")
     for bits, suited in ((10, "8.6 Hz"), (12, ""), (16, ""), (18, "26 Hz"), (20, "34 Hz")):
         entry = f'resolution_bits = {{ value = {bits}, status = "assumed", source = "mine" }}\n'
         said = told(mine + entry)

@@ -20,6 +20,7 @@ from esea_gen.language.ports import Flag, Port, flag_word
 from esea_gen.language.system import System, Task
 from esea_gen.verify.gates import check_objects, run_example
 from tests.conftest import require_tool
+from tests.own_device import own_text
 
 REALS = ("f64", "f32", "q31")
 
@@ -71,14 +72,10 @@ def test_the_example_in_whole_numbers_of_a_device_that_measures(elbow):
     assert (run.problems, run.checked, run.asked) == ((), 12, 0)
 
 
-HEAD = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "Mine"\n'
-GUESS = 'status = "assumed", source = "test"'
+TURNED = {"encoder.motor": {"zero_rad": 1.0}, "encoder.load": {"zero_rad": -2.0, "direction": -1}}
 OTHERS = {
-    "two axes": HEAD + 'axes = ["flexion", "deviation"]\n',
-    "encoder turned round, zero elsewhere": HEAD
-    + f"[encoder.motor]\nzero_rad = {{ value = 1.0, {GUESS} }}\n"
-    + f"[encoder.load]\nzero_rad = {{ value = -2.0, {GUESS} }}\n"
-    + f"direction = {{ value = -1, {GUESS} }}\n",
+    "two axes": own_text('axes = ["flexion", "deviation"]\n'),
+    "encoder turned round, zero elsewhere": own_text(**TURNED),
 }
 
 

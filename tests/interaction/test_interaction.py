@@ -22,6 +22,7 @@ from esea_gen.twin.case import OFF, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool
+from tests.own_device import own_text
 from tests.studies.test_tune import command
 
 U_MAX_NM = 0.221
@@ -176,9 +177,7 @@ def test_what_is_outside_agrees_with_the_controllers_own_flag(tmp_path):
     assert abs(int(flagged.sum()) - wide.outside) <= 1
     assert narrow.outside > wide.outside
     assert "3 Nm 1 Hz" in wide.line()
-    rate = 'sense_rate_Hz = { value = 2000, status = "assumed", source = "x" }\n'
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "fast"\ntitle = "fast"\n[timing]\n'
-    (tmp_path / "fast.toml").write_text(head + rate)
+    (tmp_path / "fast.toml").write_text(own_text(timing={"sense_rate_Hz": 2000}))
     fast, _ = check_sliding(str(tmp_path / "fast.toml"), ("ideal",), cases)
     assert fast.samples == wide.samples
 

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.device import parse_device
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port
@@ -17,6 +16,7 @@ from esea_gen.verify.executor import exact_trajectory
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import streams
 from tests.conftest import require_tool
+from tests.own_device import own_device
 
 VALUES = (0.0, -0.0, 1.5, -1.5)
 # Every pair, in both orders, and each against a constant.
@@ -80,17 +80,9 @@ def test_both_peers_agree_on_every_zero(real):
     assert expected.first_difference(*run_c(library.block("ties"), stream)) == ""
 
 
-OWN = """
-extends = "elbow_drive"
-name = "own"
-[timing]
-control_rate_Hz = { value = 500.0, status = "assumed", source = "a test" }
-"""
-
-
 def test_limits_of_another_control_rate_give_casadis_bits():
     require_tool("gcc")
-    device = parse_device(OWN, "own.toml")
+    device = own_device(timing={"control_rate_Hz": 500.0})
     block = device.system.blocks["limits"]
     system = alone(block)
     library, oracle = compile_system(system, "f64"), CasadiOracle(system)

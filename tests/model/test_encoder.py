@@ -19,6 +19,7 @@ from esea_gen.language.block import Block
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts
 from tests.conftest import require_tool
+from tests.own_device import own_text, q
 
 BITS = {
     name: 1 << i
@@ -38,16 +39,9 @@ BITS = {
 TURN = 2 * math.pi
 
 
-def q(value, status="assumed") -> str:
-    return f'{{ value = {value}, status = "{status}", source = "a test" }}'
-
-
 def device_text(bits: int = 12, motor: str = "", load: str = "", more: str = "") -> str:
-    return (
-        'schema = 1\nextends = "elbow_drive"\nname = "bench"\ntitle = "bench"\n'
-        f"[encoder]\nresolution_bits = {q(bits)}\n[encoder.motor]\n{motor}\n"
-        f"[encoder.load]\n{load}\n{more}"
-    )
+    sections = f"[encoder.motor]\n{motor}\n[encoder.load]\n{load}\n{more}"
+    return own_text(f"[encoder]\nresolution_bits = {q(bits)}\n{sections}", name="bench")
 
 
 def make(bits: int = 12, motor: str = "", load: str = "", more: str = "") -> Device:

@@ -23,6 +23,7 @@ from esea_gen.verify import equivalence
 from esea_gen.verify.streams import streams
 from tests.browser import browser, readable
 from tests.conftest import ROOT, require_tool
+from tests.own_device import own_text
 from tests.report.test_report import Page, shorten
 
 pytestmark = pytest.mark.ci
@@ -193,11 +194,10 @@ def test_a_drive_that_errs_by_a_fifth_does_not_reach(monkeypatch, elbow_drive):
 
 def test_as_printed_runs_on_the_own_devices_plant(tmp_path: Path, findings, monkeypatch):
     # A stiffer coupling; the yardstick in a second way: the same device under that controller.
-    head = 'schema = 1\nextends = "elbow_drive"\nname = "stiff"\ntitle = "Stiff"\n'
-    stiff = '[elastomer]\nk1_Nm_rad = { value = 12.0, status = "assumed", source = "a test" }\n'
+    stiff = {"elastomer": {"k1_Nm_rad": 12.0}}
     own, printed = tmp_path / "stiff.toml", tmp_path / "printed.toml"
-    own.write_text(head + stiff)
-    printed.write_text(f'{head}controller = "smc-published"\n{stiff}')
+    own.write_text(own_text(name="stiff", **stiff))
+    printed.write_text(own_text('controller = "smc-published"\n', name="stiff", **stiff))
     monkeypatch.setattr(drive, "COMPARED", ("tuning",))
     monkeypatch.setattr(drive, "ALONE", ())
     _, yardsticks = drive.close_loop(load_device(own), lambda _: None)

@@ -22,6 +22,7 @@ from esea_gen.twin.judge import judge
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
 from tests.conftest import require_tool
+from tests.own_device import own_text
 from tests.typed import typed
 
 
@@ -151,12 +152,7 @@ def at_rate(folder, rate_Hz: float, control_Hz: float) -> str:
         "safety": {"omega_max_rad_s": 4.0},
     }
     numbers["timing"]["control_release_s"] = 1 / control_Hz
-    lines = ["schema = 1", 'extends = "elbow_drive"', 'name = "other"', 'title = "other"']
-    for section, keys in numbers.items():
-        lines.append(f"[{section}]")
-        for key, value in keys.items():
-            lines.append(f'{key} = {{ value = {value!r}, status = "assumed", source = "test" }}')
-    path.write_text("\n".join(lines))
+    path.write_text(own_text(name="other", **numbers))
     return str(path)
 
 

@@ -18,17 +18,11 @@ from esea_gen.verify.faults.campaign import bound_ticks
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import SCENES, rig_of
 from tests.conftest import require_tool
+from tests.own_device import own_device, own_text
 
 DEVICE = load_device("wrist_drive")
 AXES = DEVICE.axes
-PUBLISHED_WALL = """
-schema = 1
-extends = "wrist_drive"
-name = "wrist_published"
-title = "the published wall"
-[impairment]
-wall = "published"
-"""
+WALL = {"base": "wrist_drive", "name": "wrist_published", "impairment": {"wall": "published"}}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -73,7 +67,7 @@ def test_the_wall_holds_without_swinging(push_Nm, hand_Nm_rad):
 
 
 def test_the_published_wall_by_name():
-    device = parse_device(PUBLISHED_WALL, "wrist_published.toml")
+    device = own_device(**WALL)
     found = {t.name: t.default for i, t in device.system.tunables if i == "impairment_flexion"}
     for name, value in PUBLISHED.items():
         assert found[name] == pytest.approx(value, rel=1e-6)
@@ -84,7 +78,7 @@ def test_axes_without_a_wall():
     assert found["impairment_flexion", "Kp_Nm_rad"] > 0
     assert found["impairment_deviation", "Kp_Nm_rad"] == 0
     assert found["impairment_deviation", "Kv_Nms_rad"] > 0
-    wrong = PUBLISHED_WALL + 'wall_axes = ["roll"]\n'
+    wrong = own_text(**WALL) + 'wall_axes = ["roll"]\n'
     with pytest.raises(UserError, match="roll"):
         parse_device(wrong, "wrong.toml")
 

@@ -13,14 +13,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from esea_gen.device import parse_device
 from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep import Trial, extremes, tune
 from tests.conftest import require_tool
+from tests.own_device import own_device, own_text
 from tests.typed import typed
-
-EXTENDED = 'schema = 1\nextends = "elbow_drive"\nname = "mine"\ntitle = "mine"\n'
 
 
 def command(*arguments: object) -> tuple[int, str, str]:
@@ -144,7 +142,7 @@ def test_a_steeper_surface_has_less_error_until_it_overshoots(tmp_path):
     # The lines that are printed to be pasted make a device with the chosen value.
     lines = shown.split("In the device file:\n")[1].splitlines()
     assert lines == content["device_file"]
-    device = parse_device(EXTENDED + "\n".join(lines), "mine.toml")
+    device = own_device("\n".join(lines))
     assert tomllib.loads("\n".join(lines))["sliding_mode"]["lambda_1_s"]["status"] == "assumed"
     assert device.file.sliding_mode.lambda_1_s.value == 15
 
@@ -210,13 +208,12 @@ def test_tune_refuses(arguments, words):
         ("disturbance", "gain_tau_Nm_rad", 9e4, ["multiplied by 1.37", "limit is 0.9999", "lower"]),
         ("disturbance", "gain_theta", 0, ["multiplied by 1.0", "Raise gain_theta"]),
         ("actuator", "J_kgm2", 0, ["J_kgm2 = 0", "limit 0.0001"]),
-        ("sliding_mode", "lambda_1_s", "nan", ["lambda_1_s", "finite"]),
+        ("sliding_mode", "lambda_1_s", math.nan, ["lambda_1_s", "finite"]),
     ],
 )
 def test_a_device_that_cannot_work_is_refused(tmp_path, section, key, value, words):
-    number = f'{{ value = {value}, status = "assumed", source = "test" }}'
     path = tmp_path / "mine.toml"
-    path.write_text(f"{EXTENDED}[{section}]\n{key} = {number}\n")
+    path.write_text(own_text(**{section: {key: value}}))
     for arguments in (["simulate", "tuning", "--controller", path], ["tune", "--controller", path]):
         code, shown, error = command(*arguments)
         assert (code, shown) == (2, "")
@@ -229,11 +226,7 @@ def test_the_fixes_that_are_named_are_accepted():
     """What a refusal tells to write must not be refused in turn."""
 
     def device(**sections):
-        text = EXTENDED
-        for section, (key, value) in sections.items():
-            number = f'{{ value = {value}, status = "assumed", source = "test" }}'
-            text += f"[{section}]\n{key} = {number}\n"
-        return parse_device(text, "mine.toml")
+        return own_device(**{name: dict([pair]) for name, pair in sections.items()})
 
     for rate, fix in ((300, 250), (333.333, 250), (450, 500), (1500, 1000), (170, 200)):
         with pytest.raises(UserError, match=f"Give {fix} Hz"):
