@@ -381,8 +381,7 @@ def test_a_movement_is_read_from_the_nearest_point_outwards():
     assert np.diff(np.sort(a)) == pytest.approx(10 * DEG, abs=1.2 * DEG)
     assert len(along(p, Location(0.9, 0.55), most=2).locations) == 2
     assert not along(p, Location(0.9, 1.5)).passed
-    strained = dataclasses.replace(p, strained=p.time_s > 0.4)
-    left = along(strained, Location(1.2, 0.5))
+    left = along(dataclasses.replace(p, strained=p.time_s > 0.4), Location(1.2, 0.5))
     assert not left.passed
     assert max(w.angle_rad for w in left.locations) < 0.75
     assert along(dataclasses.replace(p, strained=p.time_s >= 0), Location(0.9, 0.5)) is None
@@ -408,8 +407,7 @@ def test_weight_and_inertia_of_a_standard_leg_leave_nothing():
 def test_a_strained_hand_is_seen():
     t = np.arange(0, 2, 0.002)
     angle = 1.0 + 0.4 * np.sin(3 * t)
-    torque = np.where((t > 0.5) & (t < 0.7), 45.0, 5.0)
-    p = passage(LegRecording(t, angle, torque))
+    p = passage(LegRecording(t, angle, np.where((t > 0.5) & (t < 0.7), 45.0, 5.0)))
     assert not p.strained[p.time_s < 0.3].any()
     assert p.strained[(p.time_s > 0.55) & (p.time_s < 1.05)].all()
     assert not p.strained[p.time_s > 1.3].any()
@@ -438,8 +436,7 @@ def test_thesis_information_inherent_and_of_the_five_most_probable():
     means = np.array([[0.0, 1], [2, 1], [4, 1], [100, 1], [6, 1], [8, 1]])
     assert inherent_information(means)[1] == 0
     assert inherent_information(means)[0] == pytest.approx(np.std([0, 2, 4, 100, 6, 8]))
-    p = np.array([0.2, 0.2, 0.2, 0.01, 0.2, 0.19])
-    found = contextual_information(means, p)
+    found = contextual_information(means, np.array([0.2, 0.2, 0.2, 0.01, 0.2, 0.19]))
     assert found[0] == pytest.approx(math.sqrt(8))  # of 0, 2, 4, 6, 8
 
 
@@ -460,8 +457,7 @@ def test_expected_information_by_drawing_is_never_less():
     y = m[i] + np.einsum("kij,kj->ki", np.linalg.cholesky(c)[i], rng.normal(size=(len(i), 2)))
     each = np.stack([stats.multivariate_normal(m[h], c[h]).pdf(y) for h in range(3)], axis=1)
     drawn = np.mean(np.log(each[np.arange(len(i)), i] / (each @ p)))
-    found = expected_information(m, c, p)
-    assert 0.6 * drawn < found < drawn
+    assert 0.6 * drawn < expected_information(m, c, p) < drawn
 
 
 def test_next_movement_goes_where_it_tells_most_and_not_where_it_failed(data):

@@ -161,8 +161,7 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
     qtbot.mouseClick(window.bar.steps["Keep"], Qt.MouseButton.LeftButton)
     assert [e.what for e in desk.session.trail][-1] == "measured"
     window.limit(0, 120, 60)
-    fast = probing_movement(Location(60 * DEG, 100 * DEG), Comfort())
-    knee.follow(fast)
+    knee.follow(probing_movement(Location(60 * DEG, 100 * DEG), Comfort()))
     until(lambda: beeps)
     assert "Too fast" in panel.warning.text()
     assert "SIMULATED" in window.windowTitle()
@@ -199,8 +198,7 @@ def test_pendulum_and_range_at_a_board(tmp_path):
 def test_a_leg_in_hands_does_not_fall(opened, fastest):
     desk, knee = opened
     be_ready(desk.board, print)
-    move = ProbingMovement(Location(25 * DEG, fastest * DEG), 5 * DEG, 45 * DEG, 75 / fastest)
-    knee.follow(move)
+    knee.follow(ProbingMovement(Location(25 * DEG, fastest * DEG), 5 * DEG, 45 * DEG, 75 / fastest))
     with pytest.raises(UserError, match="no leg fell"):
         await_fall(desk.board, print, 6.0)
     knee.let_fall()

@@ -19,27 +19,13 @@ from esea_gen import files
 from esea_gen.errors import UserError
 from esea_host.assess import MEASURED_NOTICE, NOTICE
 from esea_host.assess import build as build_module
+from esea_host.assess import patients as sim
 from esea_host.assess.build import PEOPLE, PER_CATEGORY, draw_many
 from esea_host.assess.database import KNEE_GRID, ResponseDataBase, answered, shipped
 from esea_host.assess.desk import ClinicDesk
 from esea_host.assess.evaluation import judge, meet
 from esea_host.assess.files import angle_columns, from_recordings, read_recording
 from esea_host.assess.passive_tests import motion_range, pendulum_test
-from esea_host.assess.patients import (
-    CATEGORIES,
-    RELAXED,
-    STEP_S,
-    KneePatient,
-    Knees,
-    draw_category,
-    draw_outside,
-    leg_inertia_kgm2,
-    leg_weight_Nm,
-    nominal,
-    passive_torque_Nm,
-    stretched,
-    sweep,
-)
 from esea_host.assess.probing import Comfort, probing_movement
 from esea_host.assess.responses import LegRecording, Location, along, passage
 from esea_host.assess.session import Assessment, assessed_hypotheses
@@ -62,26 +48,26 @@ DEG = math.pi / 180
 
 def test_leg_of_a_mean_body_by_hand():
     """Winter: 70 kg, 1.7 m; shank and foot 4.27 kg, 0.418 m long."""
-    assert leg_weight_Nm(1.7, 70) == pytest.approx(4.27 * 9.81 * 0.606 * 0.4182, rel=1e-3)
-    assert leg_inertia_kgm2(1.7, 70) == pytest.approx(4.27 * (0.735 * 0.4182) ** 2, rel=1e-3)
+    assert sim.leg_weight_Nm(1.7, 70) == pytest.approx(4.27 * 9.81 * 0.606 * 0.4182, rel=1e-3)
+    assert sim.leg_inertia_kgm2(1.7, 70) == pytest.approx(4.27 * (0.735 * 0.4182) ** 2, rel=1e-3)
 
 
 def test_passive_torque_as_published():
     """Riener and Edrich's three exponentials at 30 deg, ankle -15, hip 60, by hand."""
     by_hand = math.exp(1.8 - 0.69 - 1.056 + 1.302) - math.exp(-3.971 + 0.006 + 1.485 - 0.768)
     by_hand += -4.82 + math.exp(2.22 - 4.5)
-    assert float(passive_torque_Nm(30 * DEG)) == pytest.approx(by_hand)
+    assert float(sim.passive_torque_Nm(30 * DEG)) == pytest.approx(by_hand)
 
 
 def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
-    knees = Knees([nominal("S3"), nominal("D3")])
+    knees = sim.Knees([sim.nominal("S3"), sim.nominal("D3")])
     at = np.full(2, 100 * DEG)
     reflex = [knees.reflex_Nm(at, np.full(2, v * DEG))[0] for v in (20, 60, 90, 120)]
     assert reflex[0][0] == pytest.approx(0, abs=1e-3)  # below 47 deg/s
     assert reflex[1][0] < reflex[2][0] < reflex[3][0]
     assert np.all(knees.reflex_Nm(np.full(2, 40 * DEG), np.full(2, 1.0))[0] == 0)  # below 55 deg
     assert all(r[1] == 0 for r in reflex)
-    relaxed = Knees([nominal("relaxed")])
+    relaxed = sim.Knees([sim.nominal("relaxed")])
     tone, away = 3 * 1.6**2, math.tanh((100 - 30) / 25)
     for v in (0, 10, 120, 500):
         rate = np.full(2, v * DEG)
@@ -90,17 +76,17 @@ def test_reflex_grows_with_speed_beyond_its_thresholds_and_tone_does_not():
         longer, shorter = min(1.4, 1 + 0.12 * v * DEG), max(0.0, 1 - 0.12 * v * DEG)
         exact = -tone * (0.5 * (1 + away) * longer - 0.5 * (1 - away) * shorter)
         assert pull == pytest.approx(exact)
-    assert stretched(np.array([-20.0, 0.0, 20.0])) == pytest.approx([0, 1, 1.4])
+    assert sim.stretched(np.array([-20.0, 0.0, 20.0])) == pytest.approx([0, 1, 1.4])
 
 
 def test_reflex_comes_after_its_delay():
     """Held, then stretched at once: nothing of the reflex before the delay."""
-    p = dataclasses.replace(nominal("S5"), tone_Nm=0.0)
+    p = dataclasses.replace(sim.nominal("S5"), tone_Nm=0.0)
     silent = dataclasses.replace(p, gain_Nms_rad2=0.0)
-    t = np.arange(300) * STEP_S
+    t = np.arange(300) * sim.STEP_S
     path = 60 * DEG + np.maximum(t - 0.1, 0) * 100 * DEG
     rate = np.where(t > 0.1, 100 * DEG, 0.0)
-    m = Knees([p, silent]).move(np.stack([path] * 2, 1), np.stack([rate] * 2, 1), [[0], [0]])
+    m = sim.Knees([p, silent]).move(np.stack([path] * 2, 1), np.stack([rate] * 2, 1), [[0], [0]])
     torque = m.torque_Nm[:, 0] - m.torque_Nm[:, 1]
     first = t[np.flatnonzero(np.abs(torque) > 1e-9)[0]]
     over = t[np.flatnonzero(m.rate_rad_s[:, 0] > p.dynamic_threshold_rad_s)[0]]
@@ -117,11 +103,11 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
     # Hands that do not give way.
     monkeypatch.setattr("esea_host.assess.patients.HANDS_Nm_rad", 10_000.0)
     monkeypatch.setattr("esea_host.assess.patients.HANDS_Nms_rad", 100.0)
-    rate, p = 90 * DEG, nominal("S4")
-    t = np.arange(600) * STEP_S
+    rate, p = 90 * DEG, sim.nominal("S4")
+    t = np.arange(600) * sim.STEP_S
     path = 20 * DEG + rate * t
     silent = dataclasses.replace(p, gain_Nms_rad2=0.0)
-    both = Knees([p, silent]).move(np.stack([path] * 2, 1), np.full((600, 2), rate), [[0], [0]])
+    both = sim.Knees([p, silent]).move(np.stack([path] * 2, 1), np.full((600, 2), rate), [[0], [0]])
     torque = both.torque_Nm[:, 0] - both.torque_Nm[:, 1]
     stiffness = knee_stiffness(rate)[4]
     assert stiffness == pytest.approx(45 * (90 - 41) * DEG)
@@ -133,8 +119,7 @@ def test_the_knees_reflex_is_the_one_that_is_held_against_the_elbow(monkeypatch)
 
 def test_free_leg_without_passive_torque_is_a_pendulum():
     """Period 2 pi sqrt(J / W) about hanging, small swings."""
-    p = KneePatient("", passive_scale=0.0, damping_Nms_rad=0.0)
-    knees = Knees([p])
+    knees = sim.Knees([sim.KneePatient("", passive_scale=0.0, damping_Nms_rad=0.0)])
     m = knees.release(85 * DEG, 4.0, [[0]])
     x = m.angle_rad[:, 0] - 90 * DEG
     crossings = m.time_s[np.flatnonzero(np.diff(np.sign(x)))]
@@ -144,10 +129,9 @@ def test_free_leg_without_passive_torque_is_a_pendulum():
 
 
 def test_hands_never_pull_more_than_10_kgf():
-    p = dataclasses.replace(nominal("D5"), tone_Nm=60.0)
-    path, rate = (x[:4000] for x in sweep())
-    knees = Knees([p])
-    m = knees.move(path[:, None], rate[:, None], [[0]])
+    p = dataclasses.replace(sim.nominal("D5"), tone_Nm=60.0)
+    path, rate = (x[:4000] for x in sim.sweep())
+    m = sim.Knees([p]).move(path[:, None], rate[:, None], [[0]])
     assert np.abs(m.torque_Nm).max() == pytest.approx(10 * 9.81 * 0.246 * 1.7)
 
 
@@ -157,19 +141,19 @@ def test_pendulum_behaviour_as_published():
     found = pendulum_table()
     rows = {r["category"]: r for r in found}
     assert 1.6 <= rows["relaxed"]["relaxation_index"] <= 2.0
-    index = [rows[c]["relaxation_index"] for c in ("relaxed", *CATEGORIES[:5])]
-    swing = [rows[c]["first_swing_deg"] for c in ("relaxed", *CATEGORIES[:5])]
+    index = [rows[c]["relaxation_index"] for c in ("relaxed", *sim.CATEGORIES[:5])]
+    swing = [rows[c]["first_swing_deg"] for c in ("relaxed", *sim.CATEGORIES[:5])]
     assert index == sorted(index, reverse=True)
     assert swing == sorted(swing, reverse=True)
     assert index[-1] < 1.0
     # Fewer swings, and what swings there are die out no more slowly than a relaxed leg's.
-    swings = [rows[c]["swings"] for c in ("relaxed", *CATEGORIES[:5])]
+    swings = [rows[c]["swings"] for c in ("relaxed", *sim.CATEGORIES[:5])]
     assert swings[:5] == sorted(swings[:5], reverse=True)
     assert max(swings[4:]) <= 0.5 * swings[0]
     ratios = [r["damping_ratio"] for r in found if r["damping_ratio"] is not None]
     assert min(ratios) == rows["relaxed"]["damping_ratio"]
     # Dystonic-like: tone holds the leg up, so that it falls less far, and takes swings away.
-    tense = [rows[c] for c in ("relaxed", *CATEGORIES[5:])]
+    tense = [rows[c] for c in ("relaxed", *sim.CATEGORIES[5:])]
     for key in ("first_swing_deg", "rest_deg", "swings"):
         assert [x[key] for x in tense] == sorted((x[key] for x in tense), reverse=True), key
     assert [x["relaxation_index"] for x in tense[1:]] == sorted(
@@ -256,8 +240,8 @@ def test_loop_in_closed_form(viscous, dry, body):
     angle = 1.1 - amplitude * np.cos(w * t)
     rate = amplitude * w * np.sin(w * t)
     torque = 5 * (angle - 1.1) + viscous * rate + dry * np.sign(rate)
-    weight = leg_weight_Nm(*body) * np.cos(angle)
-    inertia = leg_inertia_kgm2(*body) * amplitude * w**2 * np.cos(w * t)
+    weight = sim.leg_weight_Nm(*body) * np.cos(angle)
+    inertia = sim.leg_inertia_kgm2(*body) * amplitude * w**2 * np.cos(w * t)
     r = motion_range(LegRecording(t, angle, torque - weight + inertia, *body))
     exact = math.pi * viscous * w * amplitude**2 + 4 * dry * amplitude
     assert r.loop_J == pytest.approx(exact, rel=0.02)
@@ -276,7 +260,7 @@ def test_an_elastic_loop_is_zero_within_the_sensors_error():
     for seed in range(40):
         noise = np.random.default_rng(seed).standard_normal(len(t)) * math.sqrt(2 * 0.02)
         error = 1.826 * lfilter([1], [1, -math.exp(-0.02)], noise)
-        r = motion_range(LegRecording(t, angle, error - leg_weight_Nm(1.7, 70) * np.cos(angle)))
+        r = motion_range(LegRecording(t, angle, error - sim.leg_weight_Nm(1.7, 70) * np.cos(angle)))
         off.append(r.loop_J / r.loop_error_J)
     assert 0.7 < np.std(off) < 1.4
     assert "loss is below the error" in " ".join(r.sentences())
@@ -314,7 +298,7 @@ def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
     """Of each category the first and the last, simulated again; the file keeps seven digits."""
     require_tool("gcc")
     data, n = shipped(), PER_CATEGORY
-    assert data.categories == (*CATEGORIES, RELAXED)
+    assert data.categories == (*sim.CATEGORIES, sim.RELAXED)
     assert (data.provenance["per_category"], data.provenance["seed"]) == (n, PEOPLE)
     people = draw_many(PEOPLE, n, data.categories)
     at = [i for k in range(len(data.categories)) for i in (k * n, k * n + n - 1)]
@@ -345,7 +329,7 @@ def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
     monkeypatch.setattr("esea_host.assess.evaluation.MOVEMENTS", 2)
     data = made_up()
     rng = np.random.default_rng(0)
-    people = [("inside", draw_category("S2", rng)), ("outside", draw_outside("rigid", rng))]
+    people = [("inside", sim.draw_category("S2", rng)), ("outside", sim.draw_outside("rigid", rng))]
     h = assessed_hypotheses(data)
     met = meet(data, h, people, 0, 9, ("expected", "random"))
     assert [m.way for m in met] == ["expected", "random", "expected"]
@@ -448,10 +432,10 @@ def test_a_conversation_without_a_sensor_and_with_one(base, tmp_path):
 @pytest.mark.parametrize("name", ["S3", "S5"])
 def test_a_typed_torque_says_what_a_recording_of_the_movement_does(name, monkeypatch):
     """A reflex answers 60 ms late: read at the midpoint, it tells of where the leg was before."""
-    p, m = nominal(name), probing_movement(Location(75 * DEG, 95 * DEG), Comfort())
-    t = np.arange(round((m.duration_s + 0.6) / STEP_S)) * STEP_S
+    p, m = sim.nominal(name), probing_movement(Location(75 * DEG, 95 * DEG), Comfort())
+    t = np.arange(round((m.duration_s + 0.6) / sim.STEP_S)) * sim.STEP_S
     path, rate = m.at(t - 0.3)
-    moved = Knees([p]).move(path[:, None], rate[:, None], [[0]])
+    moved = sim.Knees([p]).move(path[:, None], rate[:, None], [[0]])
     seen = passage(LegRecording(t, moved.angle_rad[:, 0], moved.torque_Nm[:, 0]))
     desk = ClinicDesk(Assessment(made_up()))
     monkeypatch.setattr(ClinicDesk, "proposed", m)
@@ -670,8 +654,7 @@ def test_a_data_base_from_recordings_of_any_categories(tmp_path):
     w = 0.15 * t
     more = {"theta_load_rad": 1 + 0.5 * np.sin(w * t), "tau_Nm": 1.0 * 0.5 * np.sin(w * t)}
     mcap_of(tmp_path / "soft" / "k.mcap", note="height_m=1.6 mass_kg=60", **more)
-    grown = from_recordings(tmp_path)
-    assert len(grown.category) == 9
+    assert len(from_recordings(tmp_path).category) == 9
     mcap_of(tmp_path / "soft" / "l.mcap", note="height_m=tall mass_kg=60", **more)
     with pytest.raises(UserError, match="body size"):
         from_recordings(tmp_path)

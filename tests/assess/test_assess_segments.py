@@ -151,8 +151,7 @@ def test_a_leg_that_never_rests_ends_the_movement_only_after_the_longest_one():
 def test_pause_reversal_and_way_to_the_start():
     there = ProbingMovement(Location(60 * DEG, 60 * DEG), 30 * DEG, 90 * DEG, 2.0)
     back = ProbingMovement(Location(60 * DEG, -60 * DEG), 90 * DEG, 30 * DEG, 2.0)
-    hz = 200
-    t = np.arange(0, 9, 1 / hz)
+    t = np.arange(0, 9, 1 / 200)
     (a, _), (b, _) = there.at(t - 1), back.at(t - 5)
     events = played(MovementWatch(WIDE), t, np.where(t < 5, a, b))
     assert kinds(events) == ["started", "moved"] * 2

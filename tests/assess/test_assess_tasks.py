@@ -115,8 +115,7 @@ def test_a_visit_that_is_cut_off_goes_on_as_it_would_have(visited, tmp_path, cut
 
 
 def situation(base, **more):
-    parameters = ProbeTask.Parameters(database=str(base), **more)
-    return Situation(parameters, "", (), 1)
+    return Situation(ProbeTask.Parameters(database=str(base), **more), "", (), 1)
 
 
 def follow(base, speed=1.0, angle=None):

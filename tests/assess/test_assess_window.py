@@ -27,8 +27,7 @@ def data():
 def opened(qtbot, data, tmp_path):
     from esea_host.windows.assess import AssessWindow
 
-    file = tmp_path / "session.json"
-    desk = ClinicDesk(Assessment(data), Comfort(0, 120 * DEG), file=file)
+    desk = ClinicDesk(Assessment(data), Comfort(0, 120 * DEG), file=tmp_path / "session.json")
     window = AssessWindow(desk, "P01", dark=False)
     window.timer.stop()
     qtbot.addWidget(window)
@@ -92,8 +91,7 @@ def test_limits_are_shown_and_kept_and_impossible_ones_refused(opened):
     c.limit()
     assert opened.desk.comfort.high_rad == pytest.approx(80 * DEG)
     assert max(opened.desk.proposed.start_rad, opened.desk.proposed.end_rad) <= 80 * DEG + 1e-9
-    lines = [line.value() for line in opened.map.limits]
-    assert lines == pytest.approx([0, 80, -60, 60])
+    assert [line.value() for line in opened.map.limits] == pytest.approx([0, 80, -60, 60])
     # Cells that no comfortable movement passes are empty, the others are not.
     seen = opened.map.image.image[..., 3] > 0
     assert np.array_equal(seen.ravel(), np.isfinite(opened.desk.value))
@@ -198,8 +196,7 @@ def test_pictures_for_the_manual(driven, qtbot, dark, tmp_path):
     picture = window.grab()
     assert picture.save(str(path))
     image = picture.toImage()
-    ground = image.pixelColor(image.width() // 4, image.height() - 60)
-    assert (ground.lightness() < 90) == dark
+    assert (image.pixelColor(image.width() // 4, image.height() - 60).lightness() < 90) == dark
     colours = {image.pixel(x, y) for x in range(0, image.width(), 3) for y in range(80, 700, 3)}
     assert len(colours) > 20
     if os.environ.get("ESEA_PICTURES") and not dark:

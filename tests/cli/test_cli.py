@@ -106,8 +106,7 @@ def test_a_wrong_mapping_leaves_no_output(tmp_path, old, new, words):
     text = (HDRB / "hdrb.toml").read_text()
     assert old in text
     (tmp_path / "mine.toml").write_text(text.replace(old, new))
-    done = run("identify", "mine.toml", "--data", HDRB, "--out", "o", cwd=tmp_path)
-    message = refused(done)
+    message = refused(run("identify", "mine.toml", "--data", HDRB, "--out", "o", cwd=tmp_path))
     for word in words:
         assert word in message
     assert not (tmp_path / "o").exists()

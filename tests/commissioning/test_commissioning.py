@@ -302,8 +302,7 @@ def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero"])
     with contextlib.suppress(SystemExit):
         main()
-    said = capsys.readouterr().out
-    assert "keeps 2 results of another board or an earlier start" in said
+    assert "keeps 2 results of another board or an earlier start" in capsys.readouterr().out
     simulated_elbow.board.lib.sim_unique(0)
 
 

@@ -110,8 +110,7 @@ def test_gain_loss_and_offset_of_a_rubber_that_is_off(drive, gain):
 )
 def test_what_was_stated_wrongly_is_named_and_rejected(drive, wrong, what, fix, sign):
     one = ("load", "motor", "gain")
-    values = {k: (k in one) + sign * v for k, v in wrong.items()}
-    found = judged(drive, **{"gain": 1.0, **values})
+    found = judged(drive, **{"gain": 1.0, **{k: (k in one) + sign * v for k, v in wrong.items()}})
     (first,) = [c for c in found.checks if not c.passed]
     assert first.what.startswith(what)
     assert fix in first.fix

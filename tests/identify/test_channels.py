@@ -124,8 +124,7 @@ def _compiler():
 
 @pytest.mark.parametrize("lag_ms", [12, -8])
 def test_a_lag_is_found_between_two_rates_and_taken_out(tmp_path, lag_ms):
-    path = written(tmp_path, two_rates(1, lag_s=lag_ms / 1000), LAG)
-    result = identify_member(path, "stops")
+    result = identify_member(written(tmp_path, two_rates(1, lag_s=lag_ms / 1000), LAG), "stops")
     (n,) = result.channels
     assert abs(n.found - lag_ms / 1000) < min(0.001, 2 * n.sigma)
     assert n.sigma < 0.001
@@ -146,8 +145,7 @@ def test_a_lag_is_found_between_two_rates_and_taken_out(tmp_path, lag_ms):
 
 
 def test_without_a_lag_none_is_taken_and_nothing_changes(tmp_path):
-    path = written(tmp_path, two_rates(1), LAG)
-    result = identify_member(path, "stops")
+    result = identify_member(written(tmp_path, two_rates(1), LAG), "stops")
     (n,) = result.channels
     assert abs(n.found) < min(0.001, 2 * n.sigma)
     assert n.sigma < 0.001
@@ -244,8 +242,7 @@ def test_a_backlash_is_found_and_taken_out(tmp_path):
     assert abs(n.found - 0.003) < 2 * n.sigma
     # What the rubber's model trains on, and what judges it, is the deflection behind the gap.
     r = result.recordings[0]
-    true = behind_flanks(recorded(1.0, 0)[1], 0.003)
-    assert np.abs(r.theta_rad - true).max() < 0.05 * 0.003
+    assert np.abs(r.theta_rad - behind_flanks(recorded(1.0, 0)[1], 0.003)).max() < 0.05 * 0.003
     assert result.to_dict()["mean_rms"]["held_out_percent"] < 0.25
     # Whose encoders see the gap, measures with it: the numbers are not identified.
     weight = dict(result.device.quantities())["family.terms[0].weight_Nm"]

@@ -108,8 +108,7 @@ def test_a_test_of_relaxation_is_read(tmp_path):
     held += '\n[[recording]]\nfiles = ["two.csv"]\nuse = "held_out"\n'
     (tmp_path / "map.toml").write_text(held)
     assert len(load_recordings(load_mapping(tmp_path / "map.toml"))) == 2
-    wrong = held.replace('column = "y"', 'column = "y"\nsign = -1')
-    (tmp_path / "map.toml").write_text(wrong)
+    (tmp_path / "map.toml").write_text(held.replace('column = "y"', 'column = "y"\nsign = -1'))
     with pytest.raises(UserError, match="negative stiffness"):
         load_recordings(load_mapping(tmp_path / "map.toml"))
 
@@ -278,15 +277,13 @@ def test_a_peer_follows_a_spring_with_friction(tmp_path, name):
     """What both can draw, to a few percent, held out too."""
     sizes = {"small": 3.0, "middle": 4.0, "large": 5.0}
     recordings = load_recordings(load_mapping(write_rig(tmp_path, sizes)))
-    torque = fit_peer(name, recordings, 1)
-    for r, y in zip(recordings, torque, strict=True):
+    for r, y in zip(recordings, fit_peer(name, recordings, 1), strict=True):
         assert np.sqrt(np.mean((y - r.tau_Nm) ** 2)) < 0.05 * np.abs(r.tau_Nm).max()
 
 
 @pytest.mark.parametrize("name", PEERS)
 def test_of_what_is_held_out_a_peer_knows_nothing(tmp_path, name):
-    sizes = {"small": 3.0, "middle": 4.0}
-    recordings = load_recordings(load_mapping(write_rig(tmp_path, sizes)))
+    recordings = load_recordings(load_mapping(write_rig(tmp_path, {"small": 3.0, "middle": 4.0})))
     wrong = [
         replace(r, tau_Nm=r.tau_Nm + 9.0) if len(r.sets[0].held_out) else r for r in recordings
     ]
@@ -318,8 +315,7 @@ def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
     choice = found["chosen"]["choice"]
     assert choice["chosen"] in ("stops", "slips", "published")
     assert found["chosen"]["notes"][:2] == choice["reasons"][:2]
-    page = html.unescape((tmp_path / "chosen" / "rig.html").read_text())
-    assert choice["reasons"][0] in page
+    assert choice["reasons"][0] in html.unescape((tmp_path / "chosen" / "rig.html").read_text())
     assert {r["model"] for r in choice["compare"]} == {"published", "stops", "slips"}
     assert "choice" not in found["published"]
     (zoned := tmp_path / "zoned.toml").write_text(

@@ -62,11 +62,9 @@ def test_the_intervals_hold_the_encoder_s_error(direction):
 def test_where_the_joint_never_was_the_neighbours_stand():
     count, reference, _ = drawn(0, 1, span_rad=3.0)
     found = fit_table("load", count, reference, FULL, 16)
-    unseen = [k for k, v in enumerate(found.values) if v is None]
-    assert unseen == list(range(9, 16))
+    assert [k for k, v in enumerate(found.values) if v is None] == list(range(9, 16))
     filled = found.filled()
-    line = np.linspace(filled[8], filled[0], 9)
-    assert filled[8:16] == pytest.approx(line[:8], abs=1e-6)
+    assert filled[8:16] == pytest.approx(np.linspace(filled[8], filled[0], 9)[:8], abs=1e-6)
     assert "never there" in "\n".join(found.table())
 
 

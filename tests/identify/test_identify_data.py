@@ -117,8 +117,7 @@ def test_a_wrong_held_out_torque_changes_no_identified_number(tmp_path):
     held = identify(written(tmp_path / "held", rig=(theta, corrupted(recording, "held_out"))))
     assert found(held) == found(good)
     # It is seen where it belongs, and a wrong training torque does change the numbers.
-    errors = [s["held_out"]["rms_Nm"] for s in held.to_dict()["sets"]]
-    assert min(errors) > 0.2
+    assert min(s["held_out"]["rms_Nm"] for s in held.to_dict()["sets"]) > 0.2
     trained = identify(written(tmp_path / "trained", rig=(theta, corrupted(recording, "training"))))
     assert found(trained)["values"] != found(good)["values"]
 
@@ -158,8 +157,7 @@ def test_every_recording_weighs_the_same_however_long_it_is(tmp_path):
     require_tool("gcc")
     # Two springs at one amplitude: the stiffness that serves both equally is their mean.  By
     # samples the long one, with 28 training cycles against 3, would pull it to 11.8.
-    files = {"long": spring(31, 12.0), "short": spring(6, 10.0)}
-    result = identify(written(tmp_path, **files))
+    result = identify(written(tmp_path, **{"long": spring(31, 12.0), "short": spring(6, 10.0)}))
     assert result.fit.values["k1_Nm_rad"] == pytest.approx(11.0, rel=1e-6)
     # The cost is the mean of both mean squares: each a sine of 0.1 Nm about the mean spring.
     assert result.fit.cost == pytest.approx(0.1**2 / 2, rel=1e-6)

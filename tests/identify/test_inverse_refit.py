@@ -94,14 +94,12 @@ def recording(label: str, theta, tau, trained: float = 0.7) -> Recording:
     at = np.arange(n)
     cut = int(trained * n)
     whole = DataSet(label, float(np.abs(theta).max()), at[:cut], at[cut:], {}, None, None, None)
-    t = at * 1e-3
-    return Recording(label, f"{label}.csv", "0" * 16, t, theta, tau, True, 0, (), (whole,))
+    return Recording(label, f"{label}.csv", "0" * 16, at * 1e-3, theta, tau, True, 0, (), (whole,))
 
 
 def made_by_the_inverse(elbow: Device, noise_rad: float = 0.0) -> Recording:
     require_tool("gcc")
-    block = published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004)
-    runner = compile_block(block)
+    runner = compile_block(published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004))
     t = np.arange(8000) * 0.0125
     tau = 4 * np.sin(2 * np.pi * 0.05 * t) * (0.5 + 0.5 * np.sin(2 * np.pi * 0.013 * t))
     theta = runner.run({"tau_Nm": tau}, trace=False)[0]["theta_rad"]
@@ -143,8 +141,7 @@ def test_standard_deviations_cover_and_phi_is_called_unidentifiable(elbow, noisy
     assert any("phi is not identifiable" in n for n in fit.notes)
     assert fit.sets.mean_rms(True) == pytest.approx(1e-3, rel=0.05)
     assert json.loads(json.dumps(fit.to_dict(), allow_nan=False)) == fit.to_dict()
-    same = refit_inverse(elbow, [data], "a test", population=16)
-    assert same.to_dict() == fit.to_dict()
+    assert refit_inverse(elbow, [data], "a test", population=16).to_dict() == fit.to_dict()
 
 
 def excitations(elbow: Device) -> list[Recording]:
@@ -232,10 +229,8 @@ def test_identify_with_inverse_writes_the_section(tmp_path):
             [found["training_percent"], found["held_out_percent"]], abs=0.006
         )
     # Written once more it is the file of before: ours, so it may be replaced, with its comments.
-    text = (tmp_path / "hdrb.toml").read_text()
-    assert "# Weight kappa of the play operators, eq. 4.9." in text
-    errors = judge_inverse(device, [])
-    assert errors.sets == ()
+    assert "# Weight kappa of the play operators, eq. 4.9." in (tmp_path / "hdrb.toml").read_text()
+    assert judge_inverse(device, []).sets == ()
 
 
 # -- verification ---------------------------------------------------------------------------------
@@ -266,8 +261,7 @@ def test_a_system_with_the_exact_inverse_is_verified(inverting):
         assert size < (1e-9 if c.real == "f64" else 2e-5), (c.real, c.stream)
         assert c.bit_identical is (True if c.real == "f64" else None)
     assert any(c.residual[0] > 0 for c in result.comparisons)
-    content = result.to_dict()
-    assert content["comparisons"][0]["residual_limit_Nm"] == pytest.approx(limit)
+    assert result.to_dict()["comparisons"][0]["residual_limit_Nm"] == pytest.approx(limit)
 
 
 def mutant(device: Device, real: str, change) -> HostLibrary:

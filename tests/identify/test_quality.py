@@ -109,8 +109,7 @@ def test_a_drop_out_is_not_trained_on(clean, tmp_path):
     (r,) = load_recordings(load_mapping(path))
     trained = r.time_s[r.sets[0].training]
     assert not np.any((trained > 8.5) & (trained < 16.0))
-    result = identify_member(path, "stops")
-    assert held_out(result) == pytest.approx(held_out(clean), abs=0.05)
+    assert held_out(identify_member(path, "stops")) == pytest.approx(held_out(clean), abs=0.05)
 
 
 JUMPS = {310: 0.02, 555: -0.02, 900: 0.03, 901: 0.03, 1333: -0.02}
@@ -128,8 +127,7 @@ def test_a_deflection_that_jumps_and_comes_back_changes_nothing(clean, tmp_path)
     assert np.abs(r.theta_rad - rig()[1]).max() < 1e-4
     used = np.concatenate([u for s in r.sets for u in (s.training, s.held_out)])
     assert not set(JUMPS) & set(used.tolist())
-    result = identify_member(path, "stops")
-    assert held_out(result) == pytest.approx(held_out(clean), abs=0.01)
+    assert held_out(identify_member(path, "stops")) == pytest.approx(held_out(clean), abs=0.01)
 
 
 def test_a_motion_that_turns_or_a_sensor_that_flickers_does_not_jump():
@@ -148,8 +146,7 @@ def test_a_force_that_stands_still_shuts_the_gate(clean, tmp_path):
     result = identify_member(written(tmp_path, t, x, y), "stops")
     assert "frozen at" in "\n".join(result.notes)
     assert "60 samples from sample 700" in "\n".join(result.notes)
-    numbers = dict(result.device.quantities())
-    weight = numbers["family.terms[0].weight_Nm"]
+    weight = dict(result.device.quantities())["family.terms[0].weight_Nm"]
     assert weight.status == "assumed"
     assert weight.source.startswith("not identified, the recording has: frozen")
     # The stretch itself does no harm: it is masked.
@@ -185,8 +182,7 @@ def test_backlash_is_named_with_its_width(tmp_path, half):
     wide = x + half * np.tanh(y / 1e-3)
     fine = np.linspace(0, len(x) - 1, 8 * len(x))
     wide, slow = np.interp(fine, np.arange(len(x)), wide), np.interp(fine, np.arange(len(x)), y)
-    gap = np.interp(fine, np.arange(len(t)), t)
-    text = found(written(tmp_path, gap, wide, slow))
+    text = found(written(tmp_path, np.interp(fine, np.arange(len(t)), t), wide, slow))
     width = float(text["backlash"].split("dead zone of ")[1].split(" rad")[0])
     assert width == pytest.approx(2 * half, rel=0.35)
 

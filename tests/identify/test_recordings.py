@@ -394,8 +394,7 @@ def test_blocks_and_roles() -> None:
     block = ["conditioning", "training", "training", "held_out"]
     assert [c.role for c in cycles] == [*block, "transition", *block]
     assert all(a.stop == b.start for a, b in itertools.pairwise(cycles))
-    whole = divide(theta, Cycles(), "train")
-    assert {c.role for c in whole} == {"training"}
+    assert {c.role for c in divide(theta, Cycles(), "train")} == {"training"}
 
 
 def test_one_sided_loading_is_a_cycle() -> None:

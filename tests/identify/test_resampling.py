@@ -54,8 +54,7 @@ def one(case: str, seed: int) -> tuple[np.ndarray, LeftOut, float]:
     """Error of the weights, what is said of it, and the share of judging samples in the band."""
     shown, torque = measured(case, np.random.default_rng(seed))
     fit = np.linalg.lstsq(shown[TRAINS], torque[TRAINS], rcond=None)[0]
-    way = np.sign(np.gradient(shown[:, 0]))[TRAINS]
-    each = np.split(way, len(AMPLITUDES))
+    each = np.split(np.sign(np.gradient(shown[:, 0]))[TRAINS], len(AMPLITUDES))
     rows = FitRows.of([(i, CYCLES - 2, w) for i, w in enumerate(each)])
     residual = (torque - shown @ fit)[TRAINS]
     found = resampled(shown[TRAINS], residual, np.ones(len(residual)), rows, False)

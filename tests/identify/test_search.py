@@ -199,8 +199,7 @@ def test_who_watches_sees_each_improvement_and_the_end(plant):
     assert np.mean(squares) == pytest.approx(best.cost, rel=1e-9)
     figure = search_picture(best)
     assert len(figure.axes) == 1 + len(best.sets)
-    line = figure.axes[1].get_lines()[1]
-    assert line.get_ydata() == pytest.approx(best.sets[0][2])
+    assert figure.axes[1].get_lines()[1].get_ydata() == pytest.approx(best.sets[0][2])
 
 
 # What a search keeps on the disk.

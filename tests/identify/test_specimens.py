@@ -56,8 +56,7 @@ def test_one_model_for_all_costs_what_the_specimens_differ_by(tmp_path):
     found = json.loads(out.read_text())
     held("reliability", found)
     # The least squares' mean of the factors, and the loop's RMS torque.
-    y = rig(*(0.1,) * 4)[2][400:]
-    rms = 100 * float(np.sqrt(np.mean(y**2))) / found["full_scale_Nm"]
+    rms = 100 * float(np.sqrt(np.mean(rig(*(0.1,) * 4)[2][400:] ** 2))) / found["full_scale_Nm"]
     mean = np.mean(list(two.values()))
     for name, factor in two.items():
         assert found["own_pct"][name] < 1.0

@@ -19,6 +19,7 @@ from esea_gen.identify.published.plant import uncertainty as identified
 from esea_gen.identify.recording.mapping import load_mapping
 from esea_gen.identify.recording.reading import load_recordings
 from esea_gen.studies.uncertainty import motions as room
+from esea_gen.studies.uncertainty import study
 from esea_gen.studies.uncertainty.motions import (
     Encoders,
     Spread,
@@ -27,17 +28,6 @@ from esea_gen.studies.uncertainty.motions import (
     elastomer_values,
     identified_spread,
     motions,
-)
-from esea_gen.studies.uncertainty.study import (
-    NONLINEARITY,
-    PARAMETERS,
-    QUANTISATION,
-    RATE,
-    RATES,
-    TOGETHER,
-    TORQUES,
-    Tally,
-    torque_uncertainty,
 )
 from tests.conftest import ROOT, require_tool
 from tests.observed import filtered
@@ -57,20 +47,21 @@ def cubic(elbow) -> Device:
 @pytest.fixture(scope="module")
 def found(elbow):
     require_tool("gcc")
-    return torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
+    return study.torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
 
 
 def slope(theta: np.ndarray) -> np.ndarray:
     x = ca.SX.sym("x")
-    torque = 239.0 * x**3 + 9.39 * x
-    derivative = ca.Function("d", [x], [ca.jacobian(torque, x)])
+    derivative = ca.Function("d", [x], [ca.jacobian(239.0 * x**3 + 9.39 * x, x)])
     return np.asarray(derivative(theta[None, :])).ravel()
 
 
 @pytest.mark.ci
 def test_quantisation_of_a_spring_is_first_order(cubic):
     require_tool("gcc")
-    found = torque_uncertainty(cubic, 24, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0)
+    found = study.torque_uncertainty(
+        cubic, 24, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0
+    )
     count = 2 * np.pi / 2**12
     moves = motions(cubic, 30.0)
     cells = np.concatenate([m.cell for m in moves] * 16)
@@ -89,12 +80,12 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
             errors.append((steep * error)[m.kept] * m.sign)
     error = np.concatenate(errors)
     tried = []
-    for i in range(TORQUES):
-        here = (cells // RATES) == i
+    for i in range(study.TORQUES):
+        here = (cells // study.RATES) == i
         if here.sum() < 16000:  # too few for the share that is asked for
             continue
         tried.append(i)
-        f = found.cells[QUANTISATION][i, None]
+        f = found.cells[study.QUANTISATION][i, None]
         assert f.sigma_Nm == pytest.approx(np.std(error[here]), rel=0.06), i
         ends = np.abs(np.quantile(error[here], [0.025, 0.975]))
         assert f.half_width_Nm == pytest.approx(np.max(ends), rel=0.06), i
@@ -106,49 +97,47 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
     lag = [g * (x - m.theta_rad) for g, x, m in zip(slopes, true, moves, strict=True)]
     kept = np.concatenate([x[m.kept] * m.sign for x, m in zip(lag, moves, strict=True)])
     half = np.max(np.abs(np.quantile(kept, [0.025, 0.975])))
-    assert abs(found.overall(RATE).half_width_Nm - half) < 1e-5
-    assert found.overall(PARAMETERS).sigma_Nm == 0
+    assert abs(found.overall(study.RATE).half_width_Nm - half) < 1e-5
+    assert found.overall(study.PARAMETERS).sigma_Nm == 0
 
 
 @pytest.mark.ci
 def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
     require_tool("gcc")
     nothing = Spread((), np.zeros((0, 0)), "none")
-    found = torque_uncertainty(cubic, 10, spread=nothing, residual_deg=0.2, limit_s=SHORT_S)
+    found = study.torque_uncertainty(cubic, 10, spread=nothing, residual_deg=0.2, limit_s=SHORT_S)
     moves = motions(cubic, SHORT_S)
     theta = max(float(np.abs(m.theta_rad).max()) for m in moves)
-    reached = {int(i) for m in moves for i in np.unique(m.cell // RATES)}
+    reached = {int(i) for m in moves for i in np.unique(m.cell // study.RATES)}
     assert reached == {0, 1, 2, 3}
     for i in reached:
-        f = found.cells[NONLINEARITY][i, None]
+        f = found.cells[study.NONLINEARITY][i, None]
         # Each side is off by at most twice its amplitude: its own error and its zero's.
         assert f.half_width_Nm < slope(np.array([theta + 0.014]))[0] * 4 * np.deg2rad(0.2)
         assert f.sigma_Nm > 0.2 * 9.39 * np.deg2rad(0.2)
-    none = torque_uncertainty(cubic, 2, spread=nothing, residual_deg=0.0, limit_s=SHORT_S)
-    assert none.overall(NONLINEARITY).sigma_Nm == 0
+    none = study.torque_uncertainty(cubic, 2, spread=nothing, residual_deg=0.0, limit_s=SHORT_S)
+    assert none.overall(study.NONLINEARITY).sigma_Nm == 0
 
 
 def test_standard_errors_shrink_and_the_same_seed_repeats(elbow, found):
-    again = torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
-    assert again.to_dict() == found.to_dict()
-    assert found.overall(RATE).sigma_error_Nm == 0
-    assert found.overall(TOGETHER).sigma_error_Nm > 0
+    assert study.torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S).to_dict() == found.to_dict()
+    assert found.overall(study.RATE).sigma_error_Nm == 0
+    assert found.overall(study.TOGETHER).sigma_error_Nm > 0
     assert [n for n, _ in found.convergence][-1] == 16
-    last = found.convergence[-1][1]
-    assert last.sigma_Nm == found.overall(TOGETHER).sigma_Nm
-    other = torque_uncertainty(elbow, 16, 4, limit_s=SHORT_S)
-    a, b = found.overall(TOGETHER), other.overall(TOGETHER)
+    assert found.convergence[-1][1].sigma_Nm == found.overall(study.TOGETHER).sigma_Nm
+    other = study.torque_uncertainty(elbow, 16, 4, limit_s=SHORT_S)
+    a, b = found.overall(study.TOGETHER), other.overall(study.TOGETHER)
     assert a.sigma_Nm != b.sigma_Nm
     assert abs(a.sigma_Nm - b.sigma_Nm) < 4 * np.hypot(a.sigma_error_Nm, b.sigma_error_Nm)
 
 
 def test_tally_knows_a_normal_distribution():
     rng = np.random.default_rng(5)
-    tally = Tally(4.0)
+    tally = study.Tally(4.0)
     cell = np.zeros(20_000, dtype=int)
     for _ in range(20):
         tally.add(0.01 + 0.05 * rng.standard_normal(20_000), cell)
-    f = tally.figures(np.arange(TORQUES * RATES))
+    f = tally.figures(np.arange(study.TORQUES * study.RATES))
     assert f.bias_Nm == pytest.approx(0.01, abs=4 * f.bias_error_Nm)
     assert f.sigma_Nm == pytest.approx(0.05, abs=4 * f.sigma_error_Nm)
     assert f.bias_error_Nm == pytest.approx(0.05 / np.sqrt(400_000), rel=0.5)
@@ -169,8 +158,7 @@ def test_encoders_count_and_bend(elbow):
         assert np.max(np.abs(bent)) <= 4 * np.deg2rad(0.1)
         assert np.max(np.abs(bent)) > 1e-4
         # Zeroed where both encoders stand alike.
-        rest = e.read(np.zeros(1), counts=False, nonlinear=True)
-        assert rest[0] == pytest.approx(0, abs=1e-15)
+        assert e.read(np.zeros(1), counts=False, nonlinear=True)[0] == pytest.approx(0, abs=1e-15)
         assert e.read(theta, counts=False, nonlinear=False) == pytest.approx(theta, abs=1e-12)
 
 
@@ -228,17 +216,14 @@ def test_assumed_spread_has_its_share_and_stays_in_bounds(elbow):
     assert set(spread.keys) == set(elastomer_values(elbow)) - {"eps2"}
     rng = np.random.default_rng(2)
     draws = [spread.draw(elbow, rng) for _ in range(400)]
-    k1 = np.log([d["k1_Nm_rad"] for d, _ in draws])
-    assert k1.std() == pytest.approx(0.3, rel=0.15)
-    n = [d["n"] for d, _ in draws]
-    assert max(n) == 1.0  # its upper bound
+    assert np.log([d["k1_Nm_rad"] for d, _ in draws]).std() == pytest.approx(0.3, rel=0.15)
+    assert max(d["n"] for d, _ in draws) == 1.0  # its upper bound
     assert sum(c for _, c in draws) > 0
 
 
 def test_the_command(tmp_path, monkeypatch):
     require_tool("gcc")
-    short = tuple(replace(s, duration_s=5.0) for s in room.SIGNALS)
-    monkeypatch.setattr(room, "SIGNALS", short)
+    monkeypatch.setattr(room, "SIGNALS", tuple(replace(s, duration_s=5.0) for s in room.SIGNALS))
     files = {"json": tmp_path / "u.json", "figure": tmp_path / "u.png"}
     arguments = ["uncertainty", "elbow", "--runs", "2", "--seed", "7"]
     for k, v in files.items():
@@ -251,7 +236,7 @@ def test_the_command(tmp_path, monkeypatch):
     said = " ".join(done.output.split())
     assert "Not included: temperature" in said
     assert "assumed: 5 % (standard deviation) of each parameter" in said
-    every = next(f for f in content["sources"][TOGETHER] if f["torque"] is None)
+    every = next(f for f in content["sources"][study.TOGETHER] if f["torque"] is None)
     assert every["low_percent"] < 0 < every["high_percent"]
 
 
@@ -270,7 +255,7 @@ def test_the_command_refuses(arguments, said):
 
 def test_a_device_without_linear_stiffness_is_refused(elbow):
     with pytest.raises(UserError, match="no unique inverse"):
-        torque_uncertainty(with_numbers(elbow, {"elastomer.k1_Nm_rad": 0.0}), 2)
+        study.torque_uncertainty(with_numbers(elbow, {"elastomer.k1_Nm_rad": 0.0}), 2)
 
 
 def test_what_the_models_form_leaves_is_the_devices_own(found):

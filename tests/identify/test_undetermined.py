@@ -66,8 +66,7 @@ def test_softening_that_no_row_shows_is_not_invented(tmp_path, name):
     require_tool("gcc")
     done = identify_member(rig(tmp_path, (0.1, 0.05)), name)
     assert not any(t.softening for _, t in done.fitted.used)
-    linear = done.fitted.weights_Nm[0]
-    assert linear == pytest.approx(12 * 0.1, rel=0.05)
+    assert done.fitted.weights_Nm[0] == pytest.approx(12 * 0.1, rel=0.05)
     said = "\n".join(done.notes)
     assert "Softening by strain is not seen" in said
     assert "skip_first = 0" in said
@@ -76,8 +75,7 @@ def test_softening_that_no_row_shows_is_not_invented(tmp_path, name):
     _, x = moved((0.05,))
     (r,) = done.recordings
     fresh = replace(r, theta_rad=x, time_s=np.arange(len(x)) / PER)
-    form = done.fitted.member
-    rows = UnitTerms(form, [fresh], PER).over(done.fitted.scale_rad)[0]
+    rows = UnitTerms(done.fitted.member, [fresh], PER).over(done.fitted.scale_rad)[0]
     off = np.abs(rows @ np.array(done.fitted.weights_Nm) - hard(x, False)).max()
     assert off < 0.08 * np.abs(hard(x, False)).max()
 
@@ -128,8 +126,7 @@ def noisy(j: np.ndarray, rows: FitRows, seed: int):
 def test_weights_that_no_row_tells_apart_are_infinite(unit):
     """x twice, once scaled, and its cube: the sum of two weights is known, neither is."""
     x, rows = cycled(4)
-    apart = np.column_stack([x, x**3])
-    _, alone = noisy(apart, rows, 1)
+    _, alone = noisy(np.column_stack([x, x**3]), rows, 1)
     _, found = noisy(np.column_stack([x, 0.3 * unit * x, x**3]), rows, 1)
     assert np.isinf(found.sigma[:2]).all()
     assert found.sigma[2] == pytest.approx(alone.sigma[1], rel=1e-6)
@@ -230,8 +227,7 @@ def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
     recordings = load_recordings(load_mapping(recorded(tmp_path, THREE, -0.09, law=springs)))
     fitted = fit_member(UnitTerms(FORM, recordings, PER), recordings, 3.0)
     factor = fitted.temperature
-    said = "\n".join(temperature_notes(recordings, factor, 1e-4))
-    assert "at the low end of its search" in said
+    assert "at the low end of its search" in "\n".join(temperature_notes(recordings, factor, 1e-4))
     inside = TemperatureFactor(23.0, 0.9 * factor.per_K, 15.0, 31.0)
     assert "end of its search" not in "\n".join(temperature_notes(recordings, inside, 1e-4))
     device = drafted_member(load_mapping(tmp_path / "map.toml"), recordings, fitted, None, 1e-4)
@@ -257,8 +253,7 @@ def test_what_is_left_out_is_judged_by_a_fit_that_keeps_the_bounds():
     """Without the largest amplitude the cube would fall below 0: refits by another solver."""
     x, _ = cycled(4)
     x = x * np.repeat([0.3, 0.31, 0.32, 1.0], 400)
-    ways = np.split(np.sign(np.gradient(x)), 4)
-    rows = FitRows.of([(i, 4, w) for i, w in enumerate(ways)])
+    rows = FitRows.of([(i, 4, w) for i, w in enumerate(np.split(np.sign(np.gradient(x)), 4))])
     j = np.column_stack([x, x**3])
     y = 2 * np.tanh(2 * x) / 2 + 1.5 * x**5  # softer first, then harder
     fit = np.linalg.lstsq(j, y, rcond=None)[0]

@@ -10,17 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from esea_host.statistics import (
-    NoStatisticError,
-    bayes_paired,
-    cohens_kappa,
-    crossover,
-    holm,
-    mixed_model,
-    paired_t_power,
-    signed_rank,
-    standardised_difference,
-)
+from esea_host import statistics
 from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
@@ -73,7 +63,7 @@ def paired(d):
     """Ours, and R's expression, of one sample of differences."""
     text, n = vector(d), len(d)
     if d.any():
-        found = signed_rank(d)
+        found = statistics.signed_rank(d)
         if found.method == "normal":
             yield found.p, f"wilcox.test({text}, exact = FALSE)$p.value"
         if n <= 15:
@@ -84,16 +74,16 @@ def paired(d):
             test = f"wilcox.test({text}, exact = TRUE, conf.int = TRUE)"
             yield (found.p, *both), f"with({test}, c(p.value, estimate, conf.int))"
     if np.std(d) > 0:
-        e = standardised_difference(d)
+        e = statistics.standardised_difference(d)
         yield (e.p, e.low, e.high), f"with(t.test({text}), c(p.value, conf.int))"
-        yield bayes_paired(d).log_bayes_factor_01, f"bayes({text})"
+        yield statistics.bayes_paired(d).log_bayes_factor_01, f"bayes({text})"
 
 
 def periods(n, draw, rng):
     one = 3 * draw(n) + 10
     two = one + draw(n)
     first = rng.permutation(n) < max(2, round(0.4 * n))
-    found = crossover(one, two, np.where(first, "A", "B").tolist(), ("A", "B"))
+    found = statistics.crossover(one, two, np.where(first, "A", "B").tolist(), ("A", "B"))
     change = np.round(one - two, 9)
     turned = np.where(first, -change, change)
     effects = found.treatment, found.period, found.carry_over
@@ -107,14 +97,14 @@ def periods(n, draw, rng):
         here = rng.random(2 * n) >= share
         columns = y[here], who[here], a[here], b[here]
         try:
-            m = mixed_model(
+            m = statistics.mixed_model(
                 columns[0],
                 columns[1],
                 np.where(columns[2], "A", "B").tolist(),
                 np.where(columns[3], 2, 1).tolist(),
                 ("A", "B"),
             )
-        except NoStatisticError:
+        except statistics.NoStatisticError:
             continue
         effects = m.treatment, m.treatment_se, m.treatment_p, m.period, m.period_se, m.period_p
         yield (*effects, m.df), f"mixed({', '.join(map(vector, columns))})"
@@ -126,16 +116,16 @@ def cases():
         if n >= 4:
             yield from periods(n, draw, rng)
         p = rng.uniform(0, 1, n) ** 3
-        yield holm(p), f"p.adjust({vector(p)}, 'holm')"
+        yield statistics.holm(p), f"p.adjust({vector(p)}, 'holm')"
         one, other = rng.choice(list("abc"), (2, n + 3), p=[0.6, 0.2, 0.2])
         if (one != other).any():
-            k = cohens_kappa(one, other)
+            k = statistics.cohens_kappa(one, other)
             if k.low > -1 and k.high < 1:
                 table = f"matrix({vector(np.ravel(k.table, 'F'))}, {len(k.table)})"
                 yield (k.kappa, k.low, k.high), f"kappa({table})"
         for size in (0.1, 0.5, 1.0, 3.0):
             test = f"power.t.test({n}, {size}, 1, type = 'paired', strict = TRUE)$power"
-            yield paired_t_power(n, size), test
+            yield statistics.paired_t_power(n, size), test
 
 
 def test_every_function_against_r(tmp_path):

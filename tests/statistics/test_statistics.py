@@ -51,8 +51,7 @@ def enumerated_p(found):
     r = scipy.stats.rankdata(np.abs(d))
     seen = r[d > 0].sum()
     sums = np.array([np.dot(s, r) for s in itertools.product((0, 1), repeat=len(d))])
-    tail = min(np.sum(sums <= seen + 1e-9), np.sum(sums >= seen - 1e-9))
-    return min(1.0, 2 * tail / len(sums))
+    return min(1.0, 2 * min(np.sum(sums <= seen + 1e-9), np.sum(sums >= seen - 1e-9)) / len(sums))
 
 
 # -- signed rank ----------------------------------------------------------------------------------
@@ -130,8 +129,7 @@ def test_rs_paired_t():
 def test_holm():
     """By hand: 4 x 0.01, 3 x 0.012 (not below the one before), 2 x 0.03, 0.2."""
     assert holm([0.03, 0.01, 0.2, 0.012]) == pytest.approx([0.06, 0.04, 0.2, 0.04])
-    rng = np.random.default_rng(2)
-    p = rng.uniform(0, 1, 9) ** 3
+    p = np.random.default_rng(2).uniform(0, 1, 9) ** 3
     assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
 
 
@@ -277,8 +275,7 @@ def test_rs_bayes_factor():
 def test_kappa():
     """The textbook's 20, 5, 10, 15: 0.7 observed, 0.5 by chance, kappa 0.4."""
     one = ["yes"] * 25 + ["no"] * 25
-    other = ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15
-    found = cohens_kappa(one, other)
+    found = cohens_kappa(one, ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15)
     assert (found.observed, found.kappa) == pytest.approx((0.7, 0.4))
     assert found.low < 0.4 < found.high
     # Fleiss, Cohen and Everitt by hand: se 0.1270.

@@ -36,8 +36,7 @@ def file_of(blocks: str = "", strata: str = "") -> ProtocolFile:
 
 
 def test_blocks_have_the_declared_sizes_and_are_balanced():
-    file = file_of("[2, 6]")
-    groups = [e.group for e in draw_list(file, b"1" * 32, PLACES)]
+    groups = [e.group for e in draw_list(file_of("[2, 6]"), b"1" * 32, PLACES)]
     # Where no group leads, a block may end: at every such place one of the two sizes fits.
     lead = np.cumsum([1 if g == "A" else -1 for g in groups])
     ends = {0}
@@ -57,8 +56,7 @@ def test_the_exported_seed_and_all_past_allocations_predict_nothing():
     each = [np.mean([e.group == g for e, g in zip(found, told, strict=True)]) for found in lists]
     assert np.mean(each) == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(200 * 200))
     # Nor does the first half of a list tell its second half by way of another secret's list.
-    halves = {tuple(e.group for e in found[:40]) for found in lists}
-    assert len(halves) == 200
+    assert len({tuple(e.group for e in found[:40]) for found in lists}) == 200
 
 
 def test_strata_have_lists_of_their_own():
@@ -167,8 +165,7 @@ def test_each_stratum_is_opened_in_its_own_order(tmp_path):
     text = '[allocation.strata]\nsex = ["f", "m"]\n[stopping]'
     study = created(tmp_path / "s", changed("[stopping]", text), 0)
     words = ["study", "enrol", str(study.path), "P01", "--consent", "--operator", "Olga Operator"]
-    done = CliRunner().invoke(app, [*words, "--form", "1"])
-    assert "sex: f or m" in str(done.exception)
+    assert "sex: f or m" in str(CliRunner().invoke(app, [*words, "--form", "1"]).exception)
     done = CliRunner().invoke(app, [*words, "--form", "1", "--stratum", "sex=f"])
     assert done.exit_code == 0, str(done.exception)
     study.enrol("P02", True, "1", strata=["sex=m"])
@@ -182,8 +179,7 @@ def test_each_stratum_is_opened_in_its_own_order(tmp_path):
 def test_the_seed_makes_the_list_again_and_its_seals_show_no_group(tmp_path):
     study = created(tmp_path / "s", changed("seed = 7", "seed = 7"), 1)
     lines = (tmp_path / "list.csv").read_text().splitlines()
-    secret = bytes.fromhex(lines[1].removeprefix("# seed: "))
-    again = draw_list(study.protocol.file, secret, 40)
+    again = draw_list(study.protocol.file, bytes.fromhex(lines[1].removeprefix("# seed: ")), 40)
     assert [e.group for e in again] == [line.split(",")[2] for line in lines[3:]]
     seals = json.loads((study.path / "allocation-1.json").read_text())[""]
     assert seals == [e.commitment for e in again]
@@ -222,11 +218,9 @@ def test_the_study_goes_on_and_its_data_are_whole_after_unblinding(tmp_path):
         study.disclose(code, codes_of(study.path)[k])
         run(study, code)
     run(study, "P01", 1)
-    state = read_session(study.log_of("P01", 0))
-    assert state.plan.group == study.group("P01")
+    assert read_session(study.log_of("P01", 0)).plan.group == study.group("P01")
     to_rows(study, tmp_path / "labels", labels=True)
-    names = {r["condition"] for r in rows_in(tmp_path / "labels")}
-    assert names <= {"condition 1", "condition 2"}
+    assert {r["condition"] for r in rows_in(tmp_path / "labels")} <= {"condition 1", "condition 2"}
     words = ["study", "unblind", str(study.path), "operator", "--operator", "Olga Operator"]
     assert "needs a reason" in str(CliRunner().invoke(app, words).exception)
     done = CliRunner().invoke(app, [*words, "--reason", "a severe event"])

@@ -189,13 +189,10 @@ def day(qtbot, monkeypatch, tmp_path) -> Day:
 
 def first_session(day: Day, study: Path, crash, acts, *more: object) -> None:
     """Crash, resume, note, adverse event, repeat, stop; then to the end."""
-    run = "run", study, "P01", "--close", "--speed", "1e9", *more
-    killed(DYING, *crash, "study", *run)
-    cut = read_session(study / "P01" / "session-1" / "events.jsonl")
-    assert cut.running == crash[0]
+    killed(DYING, *crash, "study", *("run", study, "P01", "--close", "--speed", "1e9", *more))
+    assert read_session(study / "P01" / "session-1" / "events.jsonl").running == crash[0]
     assert "is in use" not in done("study", "status", study)
-    does = (day.note, day.hurt, day.again, day.stop)
-    wanted = list(zip(acts, does, strict=True))
+    wanted = list(zip(acts, (day.note, day.hurt, day.again, day.stop), strict=True))
     wanted.insert(2, (PAUSED, day.report))
     told = day.session("resume", study, "P01", acts=wanted, code=2)
     assert f"Trial {crash[0]} was running; it counts as aborted" in told
@@ -276,8 +273,7 @@ def test_a_day_of_the_interaction_study(day):
     for code in ("P01", "P02"):
         done("study", "enrol", study, code, "--consent")
     virtual = "--device", "virtual"
-    acts = [(2, 1.0), (2, 3.0), (2, 5.0), (3, 1.0)]
-    first_session(day, study, (1, 2.0), acts, *virtual)
+    first_session(day, study, (1, 2.0), [(2, 1.0), (2, 3.0), (2, 5.0), (3, 1.0)], *virtual)
     day.session("run", study, "P01", "--session", "2", *virtual)
     for number in ("1", "2"):
         done("study", "run", study, "P02", "--session", number, *virtual, "--headless")

@@ -75,15 +75,13 @@ def test_the_order_is_the_seeds_and_nobody_elses(protocol):
     everybodys.seed(0)
     everybodys.random(100)
     assert build_plan(protocol, 0, 0) == plan
-    blocks = [t.block for t in plan.trials]
-    assert blocks == ["practice"] * 2 + ["hold 1"] * 5 + ["hold 2"] * 5
+    assert [t.block for t in plan.trials] == ["practice"] * 2 + ["hold 1"] * 5 + ["hold 2"] * 5
     for name in ("hold 1", "hold 2"):
         places = [t.parameters["place_deg"] for t in plan.trials if t.block == name]
         assert Counter(places[:4]) == {10.0: 2, -10.0: 2}
         assert places[4] == 0.0
     assert [t.catch for t in plan.trials].count(True) == 2
-    rests = [t.rest_before_s for t in plan.trials]
-    assert rests == [0, 0, 30, 0, 0, 0, 0, 30, 0, 0, 0, 0]
+    assert [t.rest_before_s for t in plan.trials] == [0, 0, 30, 0, 0, 0, 0, 30, 0, 0, 0, 0]
     orders = {
         tuple(t.parameters["place_deg"] for t in build_plan(protocol, k, 0).trials)
         for k in range(20)
@@ -95,8 +93,7 @@ def test_a_changed_block_shifts_no_other_order(protocol):
     """Each block draws from a generator of its own."""
     other = changed("{ repeat = 2, parameters = { place_deg = 5.0 } }", "{ repeat = 3 }")
     a = [t.parameters for t in build_plan(protocol, 3, 0).trials if t.block.startswith("hold")]
-    b = [t.parameters for t in build_plan(other, 3, 0).trials if t.block.startswith("hold")]
-    assert a == b
+    assert a == [t.parameters for t in build_plan(other, 3, 0).trials if t.block.startswith("hold")]
 
 
 def test_groups_are_balanced_after_every_pair(protocol):

@@ -241,8 +241,7 @@ def test_the_stop_goes_to_the_board_first(tmp_path, simulated_elbow, qtbot, monk
     simulated_elbow.restart()
     study = study_of(tmp_path / "s", of_tasks(TRACKING.replace("1.0", "60.0")))
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        given = simulated_elbow, listener, 3.0, False
-        thread = threading.Thread(target=serve_hosts, args=given)
+        thread = threading.Thread(target=serve_hosts, args=(simulated_elbow, listener, 3.0, False))
         thread.start()
         with esea_host.connect(f"tcp:127.0.0.1:{listener.getsockname()[1]}") as device:
             source = BoardSource(device, study.log_of("P01", 0).parent, drive=False)

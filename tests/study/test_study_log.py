@@ -88,8 +88,7 @@ def test_kill_loses_the_running_trial_at_most(study, protocol, uncut, seed):
 @pytest.mark.parametrize("share", [0.0, 0.5])
 def test_a_session_that_was_killed_in_its_first_event_begins(study, share):
     killed_at(study, 1, share)
-    path = study.log_of("P01", 0)
-    assert (path.stat().st_size > 0) == (share > 0)
+    assert (study.log_of("P01", 0).stat().st_size > 0) == (share > 0)
     assert not study.begun("P01", 0)
     for refused in ("resume", "replay"):
         done = CliRunner().invoke(app, ["study", refused, str(study.path), "P01"])
@@ -135,8 +134,7 @@ def test_an_edit_is_named(study, how):
     run_one(study)
     assert study.problems() == []
     path = study.log_of("P01", 0)
-    lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join(edited(how, lines)))
+    path.write_text("".join(edited(how, path.read_text().splitlines(keepends=True))))
     (first, *_) = study.problems()
     assert first.startswith("P01/session-1/events.jsonl: ")
     assert {"value": "content was edited", "tail": "since it ended"}.get(how, "line 6") in first

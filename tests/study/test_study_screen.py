@@ -186,8 +186,7 @@ def test_who_points_moves_the_hand_in_the_virtual_rig_and_it_is_recorded(tmp_pat
 def test_the_mouse_points_in_shares_of_the_scene(begin, windows, qtbot):
     from PySide6.QtCore import QPoint
 
-    conductor = begin(of_tasks(TRACKING), at=[(1, 0.1)])
-    participant, _ = windows(conductor)
+    participant, _ = windows(begin(of_tasks(TRACKING), at=[(1, 0.1)]))
     found = []
     participant.point = found.append
     participant.resize(600, 400)
@@ -222,8 +221,7 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
         operator.set_theme(theme)
         picture = operator.grab()
         assert picture.save(str(place / name))
-        ground = picture.toImage().pixelColor(3, 300)
-        assert (ground.lightness() < 90) == (theme is DARK)
+        assert (picture.toImage().pixelColor(3, 300).lightness() < 90) == (theme is DARK)
     participant.resize(480, 480)
     for dark in (False, True):
         participant.set_dark(dark)

@@ -75,8 +75,7 @@ def test_windows_leave_the_log_that_a_headless_run_leaves(tmp_path, qtbot, windo
     assert shown.problems() == []
     # The screen's own numbers: of every trial, then of the whole session.
     trials = len(conductor.plan.trials)
-    told = [d["trial"] for _, d in logged(shown, "display")]
-    assert told == [*range(1, trials + 1), None]
+    assert [d["trial"] for _, d in logged(shown, "display")] == [*range(1, trials + 1), None]
     assert {operator.trials.item(k, 1).text() for k in range(trials)} == {"abgeschlossen"}
 
 
@@ -147,12 +146,10 @@ def test_a_pause_holds_a_task_that_can_be_held_and_shows_the_score(begin, window
     operator.refresh()
     assert "PAUSED" in operator.bar.state.text()
     conductor.go_on()
-    keys = [t.key for t in conductor.screen().scene.texts]
-    assert keys == ["follow", "error", "paused"]
+    assert [t.key for t in conductor.screen().scene.texts] == ["follow", "error", "paused"]
     qtbot.mouseClick(operator.buttons["pause"], Qt.MouseButton.LeftButton)
     ended(conductor)
-    names = [d["name"] for _, d in logged(conductor.study, "event")]
-    assert names == ["paused", "resumed"]
+    assert [d["name"] for _, d in logged(conductor.study, "event")] == ["paused", "resumed"]
     # A pause is no time.
     assert [r["seconds"] for r in conductor.study.rows("P01")] == pytest.approx([1.0] * 3)
     assert all(same for _, _, same in replay(conductor.study.log_of("P01", 0)))
@@ -373,8 +370,7 @@ class Short(Actor):
 def test_a_calibration_says_at_once_what_is_short_and_waits(begin, windows, monkeypatch, tmp_path):
     from PySide6.QtWidgets import QApplication
 
-    task = task_named("wrist.velocity", "")
-    monkeypatch.setattr(type(task), "simulate", lambda *_: Short())
+    monkeypatch.setattr(type(task_named("wrist.velocity", "")), "simulate", lambda *_: Short())
     conductor = begin(calibration(), at=[(4, 7.5), (4, 8.5)], hold=True)
     _, operator = windows(conductor)
     conductor.arrive()

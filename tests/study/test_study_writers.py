@@ -99,8 +99,7 @@ def test_ten_processes_corrupt_nothing(tmp_path, study, runs):
     codes = [d["participant"] for k, d in study.audited() if k == "enrol"]
     assert len(codes) == len(set(codes))
     for _, _, path in study.sessions():
-        starts = [e for e in read_log(path).entries if e.kind == "session"]
-        assert len(starts) == 1
+        assert len([e for e in read_log(path).entries if e.kind == "session"]) == 1
     assert to_rows(study, tmp_path / "out") == sum(len(study.rows(c)) for c in codes)
 
 
@@ -260,8 +259,7 @@ def test_entries_behind_a_break_of_the_audit_trail_are_entered_again(study):
     assert said.endswith("2 of its entries are back")
     assert list(study.participants()) == ["P01", "P03", "P02"]
     assert study.problems() == []
-    again = [e.data["restored"]["n"] for e in study.trail() if "restored" in e.data]
-    assert again == [3, 4]
+    assert [e.data["restored"]["n"] for e in study.trail() if "restored" in e.data] == [3, 4]
 
 
 @pytest.mark.parametrize("damage", [(b"(?s).*", b""), (b".*\n", b""), (b":true", b":false")])

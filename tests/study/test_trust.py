@@ -27,8 +27,7 @@ def place(tmp_path, monkeypatch) -> Path:
     folder.mkdir()
     own = EXAMPLE.with_suffix(".py").read_text()
     (folder / "task.py").write_text(f"{own}\nopen({str(tmp_path / 'RAN')!r}, 'w').close()\n")
-    text = EXAMPLE.read_text().replace("steady_hold.py", "task.py")
-    (folder / "p.toml").write_text(text)
+    (folder / "p.toml").write_text(EXAMPLE.read_text().replace("steady_hold.py", "task.py"))
     return folder
 
 
