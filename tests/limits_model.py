@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device, parse_device
-from esea_gen.hostlib.library import CRunner, compile_system
-from esea_gen.language.block import Block
+from esea_gen.hostlib.library import CRunner, compile_block
 from esea_gen.language.stream import SPECIAL, single
-from esea_gen.language.system import System, Task
 from tests.conftest import require_tool
 
 REALS = ["f64", "f32"]
@@ -87,23 +85,9 @@ def changed(device: Device, **safety: float) -> Device:
     return parse_device(text, "changed.toml")
 
 
-def alone(device: Device, block: Block) -> System:
-    """A System of one Block."""
-    n = block.name
-    return System(
-        f"{device.name}_{n}",
-        block.period_s,
-        {n: block},
-        (Task("run", (n,)),),
-        {},
-        {p.name: (f"{n}.{p.name}",) for p in block.inputs},
-        {p.name: f"{n}.{p.name}" for p in block.outputs},
-    )
-
-
 def compiled(device: Device, real: str) -> CRunner:
     require_tool("gcc")
-    return compile_system(alone(device, limits(device)), real).block("limits")
+    return compile_block(limits(device), real)
 
 
 # -- the semantics a second time: a plain state machine --------------------------------------------

@@ -17,7 +17,7 @@ from esea_gen.hostlib.library import block_system, run_schedule
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Array
 from esea_gen.language.stream import Stream, single
-from esea_gen.language.system import System, SystemSimulator, Task
+from esea_gen.language.system import System, SystemSimulator
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import FilterName, published_inverse
 from esea_gen.targets import boards_for
@@ -90,16 +90,8 @@ def drive_subjects(device: Device, steps: int) -> Iterator[Subject]:
             for p in block.inputs:
                 values = single([np.reshape(g[p.name], p.size) for g in given[i][:steps]])
                 columns[p.name] = values[:, 0] if p.size == 1 else values
-            alone = System(
-                device.name,
-                block.period_s,
-                {block.name: block},
-                (Task("run", (block.name,)),),
-                {},
-                {p.name: (f"{block.name}.{p.name}",) for p in block.inputs},
-                {p.name: f"{block.name}.{p.name}" for p in block.outputs},
-            )
-            yield f"{device.name} {i}", block, alone, Stream("tuning case", columns)
+            stream = Stream("tuning case", columns)
+            yield f"{device.name} {i}", block, block_system(block), stream
 
 
 def host_rows(device: Device, subject: Subject, pairs: int, every_peer: bool) -> list[dict]:

@@ -11,7 +11,7 @@ import pytest
 from esea_gen.control.limits.block import limits
 from esea_gen.control.limits.faults import Fault
 from esea_gen.hostlib.codec import block_field
-from esea_gen.hostlib.library import CRunner, compile_device, compile_system
+from esea_gen.hostlib.library import CRunner, block_system, compile_device, compile_system
 from esea_gen.language.stream import single
 from esea_gen.model.sensing import zeros_missing
 from tests import limits_model as model
@@ -178,7 +178,7 @@ def test_a_flipped_sign_gives_no_energy_credit(runners, real):
 @pytest.mark.parametrize("real", EVERY)
 def test_no_message_can_widen(drive, real):
     require_tool("gcc")
-    task = compile_system(model.alone(drive, limits(drive)), real).task("run")
+    task = compile_system(block_system(limits(drive)), real).task("run")
     for t in limits(drive).tunables:
         wide = t.low - 1e-3 if t.name == "rom_min_rad" else t.high + 1e-3
         for bad in (wide, np.nan, np.inf, -np.inf):
@@ -307,7 +307,7 @@ FLIPS = {"f64": (832, 475), "f32": (416, 239), "q31": (416, 219)}
 def test_no_flipped_bit_of_a_coefficient_widens_a_limit_or_overflows(drive, real):
     """Full torque either way: how many of the flips latch, and what reaches the motor."""
     require_tool("gcc")
-    system = model.alone(drive, limits(drive))
+    system = block_system(limits(drive))
     runner = compile_system(system, real, (*UNDEFINED, "-fsanitize-recover=all")).block("limits")
     memory, steps = Memory(runner), 12
     found: dict[str, Any] = {"tried": 0, "latched": set(), "most": 0.0}

@@ -85,7 +85,7 @@ def test_what_cannot_be_bounded_is_an_error(tmp_path):
     functions = disassemble(
         predictive.build_program(renderer, tmp_path, "Cortex-M4F", predictive.entry_files(renderer))
     )
-    name = "esea_program_box_qp_step"
+    name = "esea_box_qp_alone_box_qp_step"
     assert blocks_of(name, functions)
     i = functions[name][1]
     jump = type(i)(i.address, "bx", "r3", i.file, i.line)

@@ -19,23 +19,11 @@ from esea_gen.emit.spans import RangeError
 from esea_gen.emit.walker import fuse_selects, walk
 from esea_gen.language.block import Block, Solved
 from esea_gen.language.ports import Flag, Port, Tunable, clip, flag_word
+from tests.made_up import made, port
 
 F32 = FORMATS["f32"]
 U = 2.0**-24
 K, X, Y = (ca.SX.sym(n) for n in "kxy")
-
-
-def made(step, state=(), inputs=None, outputs=None, most: float = 1.0, **more) -> Block:
-    return Block.define(
-        "made",
-        "made up",
-        period_s=1e-3,
-        state=state,
-        inputs=inputs or (Port("x_rad", -1, 1, "what comes in"),),
-        outputs=outputs or (Port("y_rad", -most, most, "what comes out"),),
-        step=step,
-        **more,
-    )
 
 
 # -- fixed points ----------------------------------------------------------------------------------
@@ -79,19 +67,11 @@ def test_an_error_that_does_not_accumulate_stays_its_own_size():
 
 
 def leaky(gain: float) -> Block:
-    return Block.define(
-        "leak",
-        "a one-pole filter",
-        period_s=1e-3,
-        # With units: ports without one and with whole ends are taken as counting.
-        state=(Port("s_rad", -100, 100, "state"),),
-        inputs=(Port("x_rad", -1, 1, "input"),),
-        outputs=(Port("y_rad", -100, 100, "output"),),
-        step=lambda c, s, u, guard, label: (
-            {"s_rad": gain * s.s_rad + u.x_rad},
-            {"y_rad": gain * s.s_rad + u.x_rad},
-        ),
-    )
+    # With units: ports without one and with whole ends are taken as counting.
+    def step(c, s, u, guard, label):
+        return {"s_rad": gain * s.s_rad + u.x_rad}, {"y_rad": gain * s.s_rad + u.x_rad}
+
+    return made(step, (port("s_rad", -100, 100),), most=100)
 
 
 def test_a_filter_that_forgets_has_a_bound_for_all_time():
@@ -123,15 +103,8 @@ def test_a_filter_that_switches_is_not_called_linear():
         x = ca.vertcat(s.x[0], s.x[1])
         return {"x": ca.if_else(u.m > 0, 0.99999 * turn @ x + u.w, 0.5 * turn @ x)}, {"y": s.x[0]}
 
-    block = Block.define(
-        "chooser",
-        "two filters",
-        period_s=1e-3,
-        state=(Port("x", -100, 100, "state", size=2),),
-        inputs=(Port("m", -1, 1, "mode"), Port("w", -1, 1, "input")),
-        outputs=(Port("y", -100, 100, "output"),),
-        step=step,
-    )
+    inputs = port("m", -1, 1), port("w", -1, 1)
+    block = made(step, (port("x", -100, 100, 2),), inputs, (port("y", -100, 100),))
     with pytest.raises(RangeError, match="not stable"):
         block_bound(block, F32)
 

@@ -16,23 +16,11 @@ from esea_gen.emit.spans import RangeError
 from esea_gen.emit.step_errors import linear_bound
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable
+from tests.made_up import made, port
 
 PARTS = 1.5
 THIRD = 2 / 3
 PRODUCTS = 8
-
-
-def made(name: str, step, state=(), most: float = 1.0, **more) -> Block:
-    return Block.define(
-        name,
-        "made up",
-        period_s=1e-3,
-        state=state,
-        inputs=(Port("x_rad", -1, 1, "what comes in"),),
-        outputs=(Port("y_rad", -most, most, "what comes out"),),
-        step=step,
-        **more,
-    )
 
 
 def scaled(given: float = 0.0, least: float = 1.0, products: int = PRODUCTS) -> Block:
@@ -46,7 +34,6 @@ def scaled(given: float = 0.0, least: float = 1.0, products: int = PRODUCTS) -> 
 
     tunable = ("third", given, 0.5, 1 / least) if given else ("parts", PARTS, least, 2.0)
     return made(
-        "scaled",
         step,
         tunables=(Tunable(*tunable, "what is prepared"),),
         coefficients=(Port("third", 0.4, 1.1 / least, "two thirds"),),
@@ -62,7 +49,7 @@ def linear(matrix: np.ndarray) -> Block:
         after = ca.DM(matrix) @ s.s_rad + ca.vertcat(u.x_rad, *[0.0] * (n - 1))
         return {"s_rad": ca.vertsplit(after)}, {"y_rad": after[0]}
 
-    return made("linear", step, (Port("s_rad", -1e4, 1e4, "memory", n),), 1e4)
+    return made(step, (port("s_rad", -1e4, 1e4, n),), most=1e4)
 
 
 # -- coefficients are rounded too ------------------------------------------------------------------
@@ -145,7 +132,7 @@ def test_a_states_error_is_that_of_its_worst_element():
     def step(c, s, u, guard, label):
         return {"s_rad": [u.x_rad, 0.7 * u.x_rad]}, {"y_rad": s.s_rad[1]}
 
-    found = float_bound(made("pair", step, (Port("s_rad", -1, 1, "memory", 2),)))
+    found = float_bound(made(step, (port("s_rad", -1, 1, 2),)))
     assert 0.7 * 2**-25 < found.states["s_rad"] < 4 * 2**-24
 
 
@@ -157,11 +144,11 @@ def test_a_bound_says_which_decisions_it_takes_for_equal():
         return {}, {"y_rad": ca.if_else(u.x_rad < 0.25, u.x_rad, -u.x_rad)}
 
     for bound in (float_bound, lambda b: any_bound(plan_block(b))):
-        (said,) = bound(made("switching", step)).assumptions
+        (said,) = bound(made(step, name="switching")).assumptions
         assert said.startswith("switching")
         assert said.endswith("= lt")
         # An input is the same number on both sides.
-        assert bound(made("switching", told)).assumptions == ()
+        assert bound(made(told)).assumptions == ()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -178,4 +165,4 @@ def test_what_only_rounding_can_bring_past_a_threshold_is_no_decision_for_sure(s
             )
             return {}, {"y_rad": ca.if_else(pair[0] < pair[1], u.x_rad, -u.x_rad)}
 
-        assert bool(float_bound(made("edge", step)).assumptions) is unsure
+        assert bool(float_bound(made(step)).assumptions) is unsure

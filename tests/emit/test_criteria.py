@@ -18,17 +18,18 @@ from esea_gen.emit.fixed.kept import plan_block
 from esea_gen.emit.fixed.values import FieldPlan
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer, content_hash
-from esea_gen.hostlib.library import HostLibrary
+from esea_gen.hostlib.library import HostLibrary, block_system
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port
 from esea_gen.language.stream import Stream
-from esea_gen.language.system import System, Task
 from esea_gen.verify.bounds import derive_bounds
 from esea_gen.verify.compare import compare, compare_program, program_streams, unexplained
 from esea_gen.verify.fixed import compare_fixed, single_steps, states_before
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
+from tests import made_up
 from tests.conftest import require_tool
+from tests.made_up import port
 from tests.rendered_program import render_program
 
 SHARES = [(0.9, True), (1.1, False)]
@@ -43,35 +44,15 @@ def made(kind: str) -> Block:
         kept = 0.3 * u.x_rad if kind == "noted" else s.kept_rad + 0.3 * u.x_rad
         return {"kept_rad": kept}, {"y_rad": 0.7 * u.x_rad}
 
-    return Block.define(
-        kind,
-        "made up",
-        period_s=1e-3,
-        state=(Port("kept_rad", -1 if kind == "noted" else -20, 20, "memory"),),
-        inputs=(Port("x_rad", -1, 1, "what comes in"),),
-        outputs=(Port("y_rad", -1, 1, "what comes out"),),
-        step=step,
-    )
-
-
-def system_of(block: Block) -> System:
-    return System(
-        f"made_{block.name}",
-        block.period_s,
-        {block.name: block},
-        (Task("run", (block.name,)),),
-        {},
-        {p.name: (f"{block.name}.{p.name}",) for p in block.inputs},
-        {p.name: f"{block.name}.{p.name}" for p in block.outputs},
-    )
+    return made_up.made(step, (port("kept_rad", -1 if kind == "noted" else -20, 20),), name=kind)
 
 
 def library(block: Block, real: str, old: str = "", new: str = "") -> HostLibrary:
     """The C of a Block, with one line of its step written otherwise."""
     require_tool("gcc")
-    renderer = Renderer(system_of(block), FORMATS[real], "-", "-", "made up")
+    renderer = Renderer(block_system(block), FORMATS[real], "-", "-", "made up")
     files = renderer.files()
-    name = f"esea_made_{block.name}_{block.name}.c"
+    name = f"esea_{block.name}_alone_{block.name}.c"
     head, step = files[name].split("_step(", 1)
     if old:
         step, count = re.subn(old, new, step)
@@ -224,15 +205,7 @@ def chooser() -> Block:
         kept = s.kept_rad + 0.0625 * u.x_rad
         return {"kept_rad": kept}, {"y_rad": ca.if_else(value < EDGE, 0.25, 0.75)}
 
-    return Block.define(
-        "chooser",
-        "made up",
-        period_s=1e-3,
-        state=(Port("kept_rad", -20, 20, "memory"),),
-        inputs=(Port("x_rad", -1, 1, "what comes in"),),
-        outputs=(Port("y_rad", -1, 1, "what comes out"),),
-        step=step,
-    )
+    return made_up.made(step, (port("kept_rad", -20, 20),), name="chooser")
 
 
 def turning() -> tuple[float, float, float]:

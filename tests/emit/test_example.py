@@ -15,11 +15,12 @@ from esea_gen.emit.example import example
 from esea_gen.emit.formats import FORMATS
 from esea_gen.emit.render import Renderer
 from esea_gen.errors import UserError
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Flag, Port, flag_word
-from esea_gen.language.system import System, Task
+from esea_gen.hostlib.library import block_system
+from esea_gen.language.ports import Flag, flag_word
+from esea_gen.language.system import System
 from esea_gen.verify.gates import check_objects, run_example
 from tests.conftest import require_tool
+from tests.made_up import made, port
 from tests.own_device import own_text
 
 REALS = ("f64", "f32", "q31")
@@ -219,21 +220,9 @@ def one_block(low: float, high: float, moves: bool = True, size: int = 1) -> Sys
         return {}, {"y_Nm": y, "status": flag_word([ca.logic_not(guard.inputs_ok)])}
 
     flags = (Flag("INPUT_INVALID", "the input was outside its range"),)
-    block = Block.define(
-        "echo",
-        "Gives back what it is given",
-        period_s=0.001,
-        state=(),
-        inputs=(Port("x_Nm", low, high, "in", size, on_invalid=low),),
-        outputs=(
-            Port("y_Nm", low, high, "out"),
-            Port("status", 0, 1, "what is known", flags=flags),
-        ),
-        step=step,
-    )
-    outputs = {"y_Nm": "echo.y_Nm", "status": "echo.status"}
-    tasks = (Task("run", ("echo",)),)
-    return System("small", 0.001, {"echo": block}, tasks, {}, {"x_Nm": ("echo.x_Nm",)}, outputs)
+    ends = port("y_Nm", low, high), port("status", 0, 1, flags=flags)
+    inputs = (port("x_Nm", low, high, size, on_invalid=low),)
+    return block_system(made(step, (), inputs, ends, name="small"))
 
 
 RANGES = ((0, 1), (0, 4095), (-1e-3, 1e-3), (-2, 900), (-5, 0), (3, 4), (0, 50))
@@ -262,9 +251,9 @@ def test_a_triangle_that_does_not_start_at_zero_runs(real):
 
 
 def test_a_system_that_cannot_be_tried_is_refused():
-    with pytest.raises(UserError, match=r"small: .* compare nothing: it has no external input"):
+    with pytest.raises(UserError, match=r"small.* compare nothing: it has no external input"):
         example(one_block(0.0, 1.0, size=2))
-    with pytest.raises(UserError, match=r"small: .* compare nothing: x_Nm moves no output"):
+    with pytest.raises(UserError, match=r"small.* compare nothing: x_Nm moves no output"):
         example(one_block(0.0, 1.0, moves=False))
 
 

@@ -22,7 +22,6 @@ from esea_gen.emit.fixed.values import LoweringError
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, Tunable, around, clip, in_range
 from esea_gen.language.stream import Stream
 from esea_gen.language.system import System, Task
@@ -30,6 +29,7 @@ from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_str
 from esea_gen.verify.runs import run_c, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 from tests.conftest import require_tool
+from tests.made_up import made, port
 
 mpl.use("Agg")
 
@@ -134,15 +134,7 @@ def test_any_small_block(seed, gains):
         out = ca.if_else(u.x_rad > 0.1, curved, ca.exp(-ca.fabs(mixed)))
         return {"m": clip(mixed, -2, 2)}, {"y": clip(out, -8, 8)}
 
-    block = Block.define(
-        "small",
-        "A Block of all operations",
-        period_s=0.001,
-        state=(Port("m", -2, 2, "memory"),),
-        inputs=(Port("x_rad", -1, 1, "input"),),
-        outputs=(Port("y", -8, 8, "output"),),
-        step=step,
-    )
+    block = made(step, (port("m", -2, 2),), outputs=(port("y", -8, 8),))
     plan = Planner(block).plan()
     bound = block_bound(plan)
     x = np.random.default_rng(seed).integers(-(2**30), 2**30 + 1, 60).astype(np.int32)
@@ -154,16 +146,7 @@ def test_any_small_block(seed, gains):
 
 
 def _one(step, **ports):
-    return Block.define(
-        "bad",
-        "A Block that cannot be lowered",
-        period_s=0.001,
-        state=(Port("m", -1, 1, "memory"),),
-        inputs=(Port("x_rad", -1, 1, "input"),),
-        outputs=(Port("y", -8, 8, "output"),),
-        step=step,
-        **ports,
-    )
+    return made(step, (port("m", -1, 1),), outputs=(port("y", -8, 8),), **ports)
 
 
 @pytest.mark.parametrize(
@@ -330,25 +313,9 @@ def test_values_of_another_format_are_converted_and_saturate():
     def take(c, s, u, g, label):
         return {"m": s.m}, {"z_rad": u.x_rad}
 
-    memory = (Port("m", -1, 1, "memory"),)
-    first = Block.define(
-        "first",
-        "Gives up to 3 rad",
-        period_s=0.001,
-        state=memory,
-        inputs=(Port("x_rad", -1, 1, "input"),),
-        outputs=(Port("y_rad", -3, 3, "output"),),
-        step=give,
-    )
-    second = Block.define(
-        "second",
-        "Takes up to half a radian",
-        period_s=0.001,
-        state=memory,
-        inputs=(Port("x_rad", -0.5, 0.5, "input", on_invalid=0.25),),
-        outputs=(Port("z_rad", -1, 1, "output"),),
-        step=take,
-    )
+    memory, half = (port("m", -1, 1),), port("x_rad", -0.5, 0.5, on_invalid=0.25)
+    first = made(give, memory, most=3, name="first")
+    second = made(take, memory, (half,), (port("z_rad", -1, 1),), name="second")
     require_tool("gcc")
     system = System(
         "pair",
@@ -413,18 +380,11 @@ def test_a_coefficient_is_free_where_the_step_checks_it_and_nowhere_else(checked
         sound = in_range(c.gain, 0.5, 1.5) if checked else ca.SX(1)
         return {"y_Nm": s.y_Nm}, {"y_Nm": ca.if_else(sound, c.gain * u.x_Nm, 0.0)}
 
-    block = Block.define(
-        "scaled",
-        "Gain",
-        period_s=1e-3,
-        tunables=(Tunable("gain", 1.0, 0.5, 1.5, "factor", "here", "assumed"),),
-        coefficients=(gain,),
-        prepare=lambda t: {"gain": t.gain},
-        state=(around("y_Nm", 1.5, "unused"),),
-        inputs=(most,),
-        outputs=(around("y_Nm", 2.25, "product"),),
-        step=step,
-    )
+    tunable = Tunable("gain", 1.0, 0.5, 1.5, "factor", "here", "assumed")
+    prepared = {"tunables": (tunable,), "coefficients": (gain,)}
+    prepared |= {"prepare": lambda t: {"gain": t.gain}}
+    memory, product = around("y_Nm", 1.5, "unused"), around("y_Nm", 2.25, "product")
+    block = made(step, (memory,), (most,), (product,), **prepared)
     plan = plan_block(block)
     (held,), (x,), (y,) = (plan.fields[g] for g in ("coeffs", "in", "out"))
     assert held.checked == checked

@@ -24,8 +24,7 @@ from esea_gen.emit.spans import RangeError
 from esea_gen.hostlib import compile_device
 from esea_gen.hostlib.library import CBoard, run_schedule
 from esea_gen.identify import recorded_deflections
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, clip
+from esea_gen.language.ports import clip
 from esea_gen.language.system import System, Task
 from esea_gen.model.sensing import zeros_missing
 from esea_gen.studies.tracking import TuningCase
@@ -40,6 +39,7 @@ from esea_gen.verify.streams import domain_chirp, streams
 from esea_gen.verify.traces import trace_stream
 from tests.benchmarks.fixed import PROGRAMS, run_filter
 from tests.conftest import ROOT, require_tool
+from tests.made_up import made, port
 
 pytestmark = pytest.mark.ci
 
@@ -298,14 +298,11 @@ def test_ranges_names_what_cannot_be_lowered_and_draws(tmp_path):
 
 def test_the_report_goes_on_behind_a_block_that_is_refused():
     joint = esea_gen.load_device("elbow_drive").system.blocks["joint"]
-    ratio = Block.define(
-        "ratio",
-        "A quotient of two torques",
-        period_s=joint.period_s,
-        state=(),
-        inputs=(Port("over_Nm", -1, 1, "dividend"), Port("under_Nm", -1, 1, "divisor")),
-        outputs=(Port("share", -1, 1, "quotient"),),
-        step=lambda c, s, u, guard, label: ({}, {"share": clip(u.over_Nm / u.under_Nm, -1, 1)}),
+    ratio = made(
+        lambda c, s, u, guard, label: ({}, {"share": clip(u.over_Nm / u.under_Nm, -1, 1)}),
+        inputs=(port("over_Nm", -1, 1), port("under_Nm", -1, 1)),
+        outputs=(port("share", -1, 1),),
+        **{"name": "ratio", "period_s": joint.period_s},
     )
     with pytest.raises(LoweringError, match=r"under_Nm.*range .* holds zero.*positive offset"):
         plan_block(ratio)
@@ -315,11 +312,7 @@ def test_the_report_goes_on_behind_a_block_that_is_refused():
         {"ratio": ratio, "joint": joint},
         (Task("run", ("ratio", "joint")),),
         {},
-        {
-            p.name: (f"{n}.{p.name}",)
-            for n, b in (("ratio", ratio), ("joint", joint))
-            for p in b.inputs
-        },
+        {p.name: (f"{b.name}.{p.name}",) for b in (ratio, joint) for p in b.inputs},
         {"theta_rad": "joint.theta_rad"},
     )
     report = range_report("two", system)

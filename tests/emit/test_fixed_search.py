@@ -10,6 +10,8 @@ from esea_gen.emit.fixed.plan import BlockPlan, Planner
 from esea_gen.emit.fixed.search import search
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Port, clip
+from tests import made_up
+from tests.made_up import port
 
 AIMED = 5e-5  # of the larger end of an output's range
 
@@ -17,17 +19,8 @@ AIMED = 5e-5  # of the larger end of an output's range
 def made(
     step, *, state=(), most: float = 1.0, finer: float = 1.0, inputs: int = 1, **more
 ) -> Block:
-    names = ("x_rad", "z_rad")[:inputs]
-    return Block.define(
-        "made",
-        "made up",
-        period_s=0.001,
-        state=state,
-        inputs=tuple(Port(n, -1.0, 1.0, "input") for n in names),
-        outputs=(Port("y", -most, most, "output", finer=finer),),
-        step=step,
-        **more,
-    )
+    ports = tuple(port(n, -1.0, 1.0) for n in ("x_rad", "z_rad")[:inputs])
+    return made_up.made(step, state, ports, (port("y", -most, most, finer=finer),), **more)
 
 
 def before_a_clip(gain: float):

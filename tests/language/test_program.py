@@ -169,7 +169,7 @@ def test_loops_carry_their_totals(sorters):
     # Passes over 6, 5, ... 1 pairs; six of them; one copy loop of seven.
     assert sorted(totals.values()) == [(1, 6), (1, 7), (6, 21)]
     renderer = render_program(programs[False], "f64")
-    text = renderer.files()["esea_program_bubble.c"]
+    text = renderer.files()["esea_bubble_alone_bubble.c"]
     loops = renderer.emitted["bubble"].loops
     lines = loop_lines(text, loops)
     for loop in loops:

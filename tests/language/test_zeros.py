@@ -6,28 +6,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
+from esea_gen.hostlib.library import block_system, compile_system
 from esea_gen.language.stream import Stream
-from esea_gen.language.system import System, Task
 from esea_gen.verify.compare import compare
 from esea_gen.verify.executor import exact_trajectory
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import streams
 from tests.conftest import require_tool
+from tests.made_up import made, port
 from tests.own_device import own_device
 
 VALUES = (0.0, -0.0, 1.5, -1.5)
 # Every pair, in both orders, and each against a constant.
 LEFT, RIGHT = (np.array(v) for v in zip(*((x, y) for x in VALUES for y in VALUES), strict=True))
-
-
-def alone(block):
-    inputs = {p.name: (f"{block.name}.{p.name}",) for p in block.inputs}
-    outputs = {p.name: f"{block.name}.{p.name}" for p in block.outputs}
-    task = Task("alone", (block.name,))
-    return System("alone", block.period_s, {block.name: block}, (task,), {}, inputs, outputs)
 
 
 def ties():
@@ -42,15 +33,8 @@ def ties():
             "above": ca.fmax(u.x, zero),
         }
 
-    return Block.define(
-        "ties",
-        "made up",
-        period_s=1e-3,
-        state=(),
-        inputs=(Port("x", -2, 2, "made up"), Port("y", -2, 2, "made up")),
-        outputs=tuple(Port(n, -4, 4, "made up") for n in ("least", "most", "below", "above")),
-        step=step,
-    )
+    outputs = tuple(port(n, -4, 4) for n in ("least", "most", "below", "above"))
+    return made(step, (), (port("x", -2, 2), port("y", -2, 2)), outputs, name="ties")
 
 
 def bits(values):
@@ -60,7 +44,7 @@ def bits(values):
 @pytest.mark.parametrize("flags", [(), ("-O0",), ("-O3",), ("-Os",)])
 def test_f64_takes_the_second_of_two_equal_zeros(flags):
     require_tool("gcc")
-    library = compile_system(alone(ties()), "f64", flags)
+    library = compile_system(block_system(ties()), "f64", flags)
     y, _ = run_c(library.block("ties"), Stream("ties", {"x": LEFT, "y": RIGHT}))
     least = np.array([a if a < b else b for a, b in zip(LEFT, RIGHT, strict=True)])
     assert bits(y["least"]) == bits(least)
@@ -72,7 +56,7 @@ def test_f64_takes_the_second_of_two_equal_zeros(flags):
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_both_peers_agree_on_every_zero(real):
     require_tool("gcc")
-    system = alone(ties())
+    system = block_system(ties())
     library, block = compile_system(system, real), system.blocks["ties"]
     oracle = CasadiOracle(system) if real == "f64" else None
     stream = Stream("ties", {"x": LEFT, "y": RIGHT})
@@ -84,7 +68,7 @@ def test_limits_of_another_control_rate_give_casadis_bits():
     require_tool("gcc")
     device = own_device(timing={"control_rate_Hz": 500.0})
     block = device.system.blocks["limits"]
-    system = alone(block)
+    system = block_system(block)
     library, oracle = compile_system(system, "f64"), CasadiOracle(system)
     (stream,) = [s for s in streams(block) if s.name == "held back by range of motion and speed"]
     found = compare(device, block, library, stream, {}, oracle)

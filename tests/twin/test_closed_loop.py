@@ -13,13 +13,14 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
-from esea_gen.language.ports import Port, Tunable, clip
+from esea_gen.language.ports import Tunable, clip
 from esea_gen.language.system import System, Task
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import start_state
 from esea_gen.twin.trajectories import backdriven, fixed_sinusoid
 from tests.conftest import require_tool
+from tests.made_up import made, port
 
 STEP_RAD = 2 * math.pi / 4096
 
@@ -40,24 +41,14 @@ def front(name: str = "front") -> Block:
             "pair": [u.count_gear, s.last_Nm],
         }
 
-    return Block.define(
-        name,
-        "made up",
-        period_s=1e-3,
-        state=(Port("last_Nm", -10, 10, "command of the last step"),),
-        inputs=(
-            Port("count_motor", 0, 4095, "count"),
-            Port("count_load", 0, 4095, "count"),
-            Port("count_gear", 0, 131071, "count"),
-            Port("command_Nm", -10, 10, "from the slow law"),
-        ),
-        outputs=(
-            Port("theta_rad", -7, 7, "deflection"),
-            Port("u_Nm", -1, 1, "motor command"),
-            Port("pair", -200000, 200000, "two numbers", 2),
-        ),
-        step=step,
+    counts = (
+        port("count_motor", 0, 4095),
+        port("count_load", 0, 4095),
+        port("count_gear", 0, 131071),
     )
+    inputs = (*counts, port("command_Nm", -10, 10))
+    outputs = port("theta_rad", -7, 7), port("u_Nm", -1, 1), port("pair", -200000, 200000, 2)
+    return made(step, (port("last_Nm", -10, 10),), inputs, outputs, name=name)
 
 
 def law(vector: bool = False) -> Block:
@@ -71,21 +62,14 @@ def law(vector: bool = False) -> Block:
             "command_Nm": (u.tau_desired_Nm + c.gain * (wanted + total)) / 74 + more
         }
 
-    return Block.define(
-        "law",
-        "made up",
-        period_s=5e-3,
+    inputs = port("theta_rad", -7, 7), port("tau_desired_Nm", -20, 20, on_invalid=0.0)
+    inputs += (port("offsets", -1, 1, 3),) if vector else ()
+    return made(
+        *(step, (port("total", -1, 1),), inputs, (port("command_Nm", -10, 10),)),
         tunables=(Tunable("gain", 0.5, 0.0, 20.0, "proportional gain"),),
-        coefficients=(Port("gain", 0, 20, "proportional gain"),),
+        coefficients=(port("gain", 0, 20),),
         prepare=lambda t: {"gain": 1 * t.gain},
-        state=(Port("total", -1, 1, "integral"),),
-        inputs=(
-            Port("theta_rad", -7, 7, "deflection"),
-            Port("tau_desired_Nm", -20, 20, "desired torque", on_invalid=0.0),
-            *((Port("offsets", -1, 1, "added to the command", 3),) if vector else ()),
-        ),
-        outputs=(Port("command_Nm", -10, 10, "command"),),
-        step=step,
+        **{"name": "law", "period_s": 5e-3},
     )
 
 
@@ -262,9 +246,8 @@ def test_a_command_out_of_range_is_no_command(device):
     def step(c, s, u, guard, label):
         return {}, {"u_Nm": 1000 * u.command_Nm}
 
-    ports = {"inputs": (Port("command_Nm", -1, 1, "command"),)}
-    ports |= {"outputs": (Port("u_Nm", -1000, 1000, "command"),), "state": ()}
-    block = Block.define("front", "made up", period_s=1e-3, step=step, **ports)
+    ports = (port("command_Nm", -1, 1),), (port("u_Nm", -1000, 1000),)
+    block = made(step, (), *ports, name="front")
     system = System(
         "broken",
         1e-3,

@@ -12,8 +12,6 @@ import esea_gen
 from esea_gen.device import Device, with_numbers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
 from esea_gen.language.system import System, Task
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import TORQUE, Setting
@@ -24,6 +22,7 @@ from esea_gen.twin.off import deviation, off_families
 from esea_gen.twin.people import ideal_plant
 from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
 from tests.conftest import require_tool
+from tests.made_up import made, port
 from tests.studies.test_experiments import shorter
 from tests.twin.test_plant import P_NM_RAD, R_RAD, Rig
 from tests.typed import typed
@@ -120,29 +119,15 @@ def counting() -> System:
     def slow(c, s, u, guard, label):
         return {"runs": s.runs + 1}, {"runs_done": s.runs + 1}
 
-    asked = Port("ask_Nm", -1, 1, "command", on_invalid=0.0)
+    asked, runs = port("ask_Nm", -1, 1, on_invalid=0.0), port("runs", 0, 1e6)
+    unused, done = port("tau_e_Nm", -1e5, 1e5), port("runs_done", 0, 1e6)
+    front = made(sense, (), (asked,), (port("u_Nm", -1, 1),), name="front")
     return System(
         "counting",
         1e-3,
         {
-            "front": Block.define(
-                "front",
-                "made up",
-                period_s=1e-3,
-                state=(),
-                inputs=(asked,),
-                outputs=(Port("u_Nm", -1, 1, "command"),),
-                step=sense,
-            ),
-            "slow": Block.define(
-                "slow",
-                "made up",
-                period_s=5e-3,
-                state=(Port("runs", 0, 1e6, "so far"),),
-                inputs=(Port("tau_e_Nm", -1e5, 1e5, "not used"),),
-                outputs=(Port("runs_done", 0, 1e6, "so far"),),
-                step=slow,
-            ),
+            "front": front,
+            "slow": made(slow, (runs,), (unused,), (done,), name="slow", period_s=5e-3),
         },
         (Task("sense", ("front",)), Task("control", ("slow",), 5)),
         {},

@@ -8,14 +8,13 @@ import pytest
 
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import HostLibrary
-from esea_gen.language.block import Block
-from esea_gen.language.ports import Port
 from esea_gen.language.stream import SPECIAL, Stream
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import exact_trajectory, setup_difference
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
 from tests.conftest import require_tool
+from tests.made_up import made, port
 from tests.proof.sanitize import GivenRenderer
 
 BLOCKS = ["velocity", "smoothing", "sensor"]
@@ -66,16 +65,8 @@ def test_a_tie_takes_neither_side_of_a_minimum_or_maximum():
         least, most = ca.fmin(u.x_rad, u.y_rad), ca.fmax(u.x_rad, u.y_rad)
         return {}, {"least_rad": label("least", least), "most_rad": label("most", most)}
 
-    ports = {n: Port(n, -1, 1, "made up") for n in ("x_rad", "y_rad", "least_rad", "most_rad")}
-    block = Block.define(
-        "tied",
-        "made up",
-        period_s=1e-3,
-        state=(),
-        inputs=(ports["x_rad"], ports["y_rad"]),
-        outputs=(ports["least_rad"], ports["most_rad"]),
-        step=step,
-    )
+    x, y, least, most = (port(n, -1, 1) for n in ("x_rad", "y_rad", "least_rad", "most_rad"))
+    block = made(step, (), (x, y), (least, most))
 
     def sides(y: np.ndarray) -> list[tuple[int, ...]]:
         found = branch_coverage(block, [Stream("made up", {"x_rad": np.full(3, 0.5), "y_rad": y})])
