@@ -52,7 +52,6 @@ def pytest_collection_finish() -> None:
 # Of the slow tests, those that CI runs each time: some minutes, every kind of them.
 SLOW_SAMPLE = (
     "test_box_qp.py::test_forty_thousand_problems[spread]",
-    "test_cluster.py::test_a_scheduler_that_goes_is_told",
     "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[set_rate]",
     "test_coverage_drive.py::test_both_sides_of_every_decision_are_taken_in_f64[encoder_load]",
     "test_coverage_drive.py::test_the_c_gives_every_bit[sensor-f32]",
@@ -159,13 +158,11 @@ def recorded(drive: Device) -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def elbow_f64(elbow: Device) -> HostLibrary:
-    require_tool("gcc")
     return compile_device(elbow, "f64")
 
 
 @pytest.fixture(scope="session")
 def elbow_f32(elbow: Device) -> HostLibrary:
-    require_tool("gcc")
     return compile_device(elbow, "f32")
 
 
@@ -180,12 +177,29 @@ def without(text: str, *sections: str) -> str:
 @pytest.fixture(scope="session")
 def simulated_elbow():
     """The elbow's simulated board and virtual drive, compiled once; who uses it restarts it."""
-    require_tool("gcc")
     from esea_host.simulated import SimulatedBoard
 
     made = SimulatedBoard("elbow_drive")
     yield made
     made.close()
+
+
+@pytest.fixture
+def lockstep(simulated_elbow):
+    from esea_host.simulated import LockstepDevice
+
+    simulated_elbow.restart()
+    return LockstepDevice(simulated_elbow)
+
+
+@pytest.fixture(scope="module")
+def powered(drive: Device):
+    """The drive's simulated board; who uses it restarts it."""
+    from esea_gen.board.sim import SimBoard
+
+    board = SimBoard(drive)
+    yield board
+    board.close()
 
 
 def until(condition, limit_s=60.0):

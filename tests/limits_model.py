@@ -13,7 +13,6 @@ from esea_gen.control.limits.faults import Fault
 from esea_gen.device import Device, parse_device
 from esea_gen.hostlib.library import CRunner, compile_block
 from esea_gen.language.stream import SPECIAL, single
-from tests.conftest import require_tool
 
 REALS = ["f64", "f32"]
 REARMS = range(8)
@@ -86,7 +85,6 @@ def changed(device: Device, **safety: float) -> Device:
 
 
 def compiled(device: Device, real: str) -> CRunner:
-    require_tool("gcc")
     return compile_block(limits(device), real)
 
 

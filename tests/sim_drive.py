@@ -2,18 +2,7 @@
 
 from __future__ import annotations
 
-from esea_gen.board.sim import SimBoard
-from tests.conftest import require_tool
-
 ANGLES = {"count_motor": 700.0, "count_load": 900.0, "count_gear": 5.0}
-
-
-def powered_on(device):
-    """For a fixture of a module."""
-    require_tool("gcc")
-    board = SimBoard(device)
-    yield board
-    board.close()
 
 
 def zeroed(board, **angles: float):

@@ -54,7 +54,6 @@ def test_an_edit_by_hand_is_reported(page, old, new, said):
 @pytest.mark.ci
 @pytest.mark.parametrize("name", [t.name for t in figures.tables().values() if t.sample])
 def test_a_sample_of_the_tables_comes_out_again(name, tmp_path, monkeypatch):
-    require_tool("gcc")
     if "fixed" in name:
         require_tool("arm-none-eabi-gcc")
         require_tool("qemu-system-arm")

@@ -6,11 +6,10 @@ import re
 import subprocess
 import sys
 
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 
 def test_tutorial(tmp_path):
-    require_tool("gcc")
     done = subprocess.run(
         [sys.executable, ROOT / "examples" / "tutorial.py", tmp_path / "out"],
         cwd=tmp_path,

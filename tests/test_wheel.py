@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT, require_module, require_tool
+from tests.conftest import ROOT, require_module
 
 pytestmark = pytest.mark.ci
 
@@ -120,13 +120,11 @@ def test_the_first_minute_needs_no_file_of_ones_own(installed, tmp_path):
 
 
 def test_firmware_builds(installed, tmp_path):
-    require_tool("gcc")
     call(installed / "esea-gen", "firmware", "elbow", "--board", "host", "--out", "o", cwd=tmp_path)
     assert (tmp_path / "o" / "esea_elbow_host.elf").is_file()
 
 
 def test_library_works(installed, tmp_path):
-    require_tool("gcc")
     program = (
         "import esea_gen; from esea_gen.hostlib import compile_device; "
         "d = esea_gen.load_device('elbow'); c = compile_device(d, 'f32').task('sense'); "

@@ -20,7 +20,7 @@ from esea_gen.analysis.campaign import Workers, run_cases
 from esea_gen.analysis.cluster import code_digest
 from tests.analysis.test_campaign import CONFIG, PATHS, killed_and_resumed, until
 from tests.campaign_cases import compiled, draw, noted, seeded
-from tests.conftest import ROOT, require_module, require_tool
+from tests.conftest import ROOT, require_module
 from tests.typed import typed
 
 pytestmark = pytest.mark.ci
@@ -140,7 +140,6 @@ def test_a_cluster_gives_the_same_bits(dask, tmp_path):
 
 
 def test_workers_compile_the_c_in_a_home_of_their_own(dask):
-    require_tool("gcc")
     there = Workers(cluster=dask.address)
     far = run_cases(compiled, seeded(6), configuration=CONFIG, workers=there)
     assert far.to_dict() == run_cases(compiled, seeded(6), configuration=CONFIG).to_dict()

@@ -23,7 +23,6 @@ from esea_host.cli.app import app
 from esea_host.recording.log import open_log
 from esea_host.simulated import LockstepDevice, SimulatedBoard
 from tests.assess.test_assess import made_up
-from tests.conftest import require_tool
 
 COMFORT = Comfort(0, 120 * DEG)
 
@@ -41,7 +40,6 @@ class SlippingKnee(MovedKnee):
 @pytest.fixture
 def opened(tmp_path, request):
     """A desk at a board that is not zeroed yet, and the simulated knee on it."""
-    require_tool("gcc")
     device = load_device("knee_board")
     patient = patient_named(getattr(request, "param", "S3"), (1.7, 70))
     knee = SlippingKnee(patient, device, 3)
@@ -169,7 +167,6 @@ def test_keep_repeat_and_the_warning_in_the_window(opened, qtbot, monkeypatch):
 
 @pytest.mark.ci
 def test_pendulum_and_range_at_a_board(tmp_path):
-    require_tool("gcc")
     found = {}
     for name, more in (("pendulum", []), ("range", ["--seconds", "30"])):
         file = tmp_path / f"{name}.json"

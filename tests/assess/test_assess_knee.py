@@ -38,7 +38,7 @@ from esea_host.recording.writer import Recorder
 from esea_host.study.words import words_of
 from tests.assess.test_assess import made_up
 from tests.browser import browser, readable
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 DEG = math.pi / 180
 
@@ -166,7 +166,6 @@ def test_pendulum_behaviour_as_published():
 
 
 def test_the_sensors_c_reads_a_torque_back_through_its_dead_zone():
-    require_tool("gcc")
     sensor = knee_sensor()
     t = np.arange(0, 6, 0.002)
     torque = 12 * np.sin(2 * math.pi * 0.3 * t)
@@ -296,7 +295,6 @@ def test_the_published_elbow_against_the_simulated_knee():
 @pytest.mark.ci
 def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
     """Of each category the first and the last, simulated again; the file keeps seven digits."""
-    require_tool("gcc")
     data, n = shipped(), PER_CATEGORY
     assert data.categories == (*sim.CATEGORIES, sim.RELAXED)
     assert (data.provenance["per_category"], data.provenance["seed"]) == (n, PEOPLE)
@@ -315,7 +313,6 @@ def test_the_shipped_data_base_is_what_the_simulated_knee_answers():
 
 @pytest.mark.slow
 def test_the_shipped_data_base_is_built_again(monkeypatch, tmp_path):
-    require_tool("gcc")
     monkeypatch.setattr(build_module, "cache_folder", lambda: tmp_path)
     again, data = build_module.build(), shipped()
     assert again.calibration == data.calibration
@@ -324,7 +321,6 @@ def test_the_shipped_data_base_is_built_again(monkeypatch, tmp_path):
 
 @pytest.mark.ci
 def test_a_meeting_goes_to_its_end_and_draws_again_the_same(monkeypatch):
-    require_tool("gcc")
     monkeypatch.setattr("esea_host.assess.evaluation.MOST", 3)
     monkeypatch.setattr("esea_host.assess.evaluation.MOVEMENTS", 2)
     data = made_up()
@@ -601,7 +597,6 @@ def test_an_mcap_recording_gives_what_its_csv_does(tmp_path):
 
 
 def test_a_simulated_patient_is_assessed_in_the_conversation(base, tmp_path):
-    require_tool("gcc")
     call = ["assess", "run", "--database", str(base), "--patient", "simulated:D3"]
     page, file = tmp_path / "page.html", tmp_path / "out.json"
     call += ["--json", str(file)]

@@ -15,7 +15,7 @@ from esea_host.study.session import read_session, replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Situation
 from tests.assess.test_assess import made_up
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 PROTOCOL = """
 schema = 1
@@ -52,7 +52,6 @@ def base(tmp_path_factory):
 @pytest.fixture(scope="module")
 def visited(base, tmp_path_factory):
     """A whole visit of a simulated patient."""
-    require_tool("gcc")
     know_shipped_tasks()
     protocol = parse_protocol(PROTOCOL.format(base=base), "small.toml")
     study = StudyFolder.create(tmp_path_factory.mktemp("s") / "a", protocol, True, durable=False)

@@ -15,7 +15,6 @@ from esea_host.assess.probing import Comfort
 from esea_host.assess.session import Assessment
 from esea_host.assess.simulated import patient_named
 from tests.assess.test_assess import made_up
-from tests.conftest import require_tool
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +149,6 @@ def test_a_recording_and_the_page(opened, tmp_path):
 
 @pytest.fixture(scope="module")
 def driven(data):
-    require_tool("gcc")
     if os.environ.get("ESEA_PICTURES"):  # for the manual: what people will see
         from esea_host.assess.database import shipped
 

@@ -13,13 +13,11 @@ from esea_gen.device import load_device
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.kept import name_encoders
 from esea_gen.link.transport import LinkError
-from tests.conftest import require_tool
 
 NO_ANSWER = 64.0  # of a frame
 
 
 def powered(name):
-    require_tool("gcc")
     return SimBoard(load_device(name))
 
 

@@ -17,7 +17,6 @@ SENSING = 6
 
 @pytest.fixture(scope="module")
 def powered(drive):
-    require_tool("gcc")
     board = SimBoard(drive)
     yield board
     board.close()

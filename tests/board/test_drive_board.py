@@ -30,14 +30,12 @@ def device():
 
 @pytest.fixture(scope="module")
 def drive(device):
-    require_tool("gcc")
     return record_drive(device, TICKS)
 
 
 @pytest.fixture(scope="module")
 def native(device, tmp_path_factory):
     """The image for this computer, with sanitizers."""
-    require_tool("gcc")
     return build_firmware(device, "host", tmp_path_factory.mktemp("native"))
 
 

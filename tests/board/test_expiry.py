@@ -9,16 +9,11 @@ from hypothesis import strategies as st
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.session import Session
 from esea_gen.link.transport import LinkError
-from tests.sim_drive import powered_on, zeroed
+from tests.sim_drive import zeroed
 
 AGE_MS = 500  # as docs/link-security.md has it
 ZERO, CLEAR, STOP, RELEASE, RESET = 31011, 31012, 31013, 31014, 31010
 ARM, STORE = 400, 245
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 
 from esea_gen.board.emulator import RunningBoard, find_qemu, first_difference
 from esea_gen.board.firmware import build_firmware, double_arithmetic, double_helpers
-from esea_gen.device import load_device, parse_device
+from esea_gen.device import parse_device
 from esea_gen.emit.build import render_device
 from esea_gen.errors import UserError
 from esea_gen.hostlib import compile_device
@@ -56,11 +56,6 @@ def altered(device, find: str, put: str) -> dict[str, str]:
 
 
 STEP_BODY = r"(void esea_elbow_sense_step\([^{]*\{)"
-
-
-@pytest.fixture(scope="module")
-def elbow():
-    return load_device("elbow")
 
 
 @pytest.fixture(scope="module")

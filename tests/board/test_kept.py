@@ -17,14 +17,9 @@ from esea_gen.link.kept import kept_use, name_encoders, read_blackbox, release_b
 from esea_gen.link.transport import LinkError
 from esea_host.cli import app
 from esea_host.cli import board as commands
-from tests.sim_drive import ANGLES, active, powered_on, texts, zeroed
+from tests.sim_drive import ANGLES, active, texts, zeroed
 
 WATCHDOG = next(f.value for f in BOARD_FAULTS if f.name == "WATCHDOG")
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
 
 
 @pytest.fixture

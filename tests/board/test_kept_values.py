@@ -22,7 +22,6 @@ from esea_gen.emit.parameters import fnv1a, link_parameters
 from esea_gen.link.kept import kept_values
 from esea_host.cli import app
 from esea_host.cli import board as commands
-from tests.conftest import require_tool
 
 LOWERED = {"tau_max_Nm": 1.5, "u_max_Nm": 0.0546875, "omega_max_rad_s": 6.0}
 SAVED = {
@@ -51,7 +50,6 @@ def keep(board: SimBoard, values: dict[int, float]) -> None:
 @pytest.fixture(scope="module")
 def boards(drive):
     """The drive as shipped, and as an update that lowers some maxima has it."""
-    require_tool("gcc")
     head, section, text = drive.toml().partition("[safety]")
     for key, value in LOWERED.items():
         text = re.sub(
@@ -129,7 +127,6 @@ def test_each_value_is_judged_by_itself(boards, data):
 
 def test_limits_stay_and_others_go_where_a_set_is_refused_together(drive):
     """No shipped device has such a rule: one is put into its C."""
-    require_tool("gcc")
     files = dict(render_device(drive, ["f32"])[0].files)
     name = "esea_elbow_drive.c"
     rule = (

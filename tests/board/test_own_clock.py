@@ -49,13 +49,8 @@ def tools():
 
 
 @pytest.fixture(scope="module")
-def elbow_drive(drive):
-    return drive
-
-
-@pytest.fixture(scope="module")
-def drive_image(elbow_drive, tmp_path_factory):
-    return build_firmware(elbow_drive, BOARD, tmp_path_factory.mktemp("drive"))
+def drive_image(drive, tmp_path_factory):
+    return build_firmware(drive, BOARD, tmp_path_factory.mktemp("drive"))
 
 
 def told(board, name: str, count: int) -> list:
@@ -102,10 +97,10 @@ def test_every_tick_of_a_sensor_on_its_own_clock_is_told_and_is_the_hosts(tmp_pa
 
 
 @pytest.mark.parametrize("name", [BOARD, "mps2-an385"])
-def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, drive_image, tmp_path, name):
+def test_both_tasks_of_a_drive_run_by_themselves(drive, drive_image, tmp_path, name):
     """There is no driver: what they make of no measurement at all, at 1 kHz and 200 Hz."""
-    image = drive_image if name == BOARD else build_firmware(elbow_drive, name, tmp_path)
-    with RunningBoard(elbow_drive, image) as board:
+    image = drive_image if name == BOARD else build_firmware(drive, name, tmp_path)
+    with RunningBoard(drive, image) as board:
         assert board.state() == "UNREFERENCED"
         for task in ("SENSE", "CONTROL"):
             for side in ("IN", "OUT"):
@@ -116,7 +111,7 @@ def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, drive_image, tmp_p
         clock, info = board.clock(), board.info()
     assert untold(sense) + untold(control, 5) <= clock.dropped
     assert clock.lost_ticks == clock.late_runs == clock.missed_runs == 0
-    roles = board_roles(elbow_drive.system)
+    roles = board_roles(drive.system)
     nothing = {x.name: NOTHING[x.port.whole] for x in roles.measured}
     for m in given:
         assert all(np.array_equal(getattr(m, n), x, True) for n, x in nothing.items())
@@ -126,24 +121,24 @@ def test_both_tasks_of_a_drive_run_by_themselves(elbow_drive, drive_image, tmp_p
     inputs = {n: np.full(ticks, x) for n, x in nothing.items()}
     inputs |= {n: np.full(ticks, float(n == "stop"), np.float32) for n in roles.wanted_names}
     unzeroed = {e.instance: {"zeroed": 0.0} for e in roles.encoders}
-    library = compile_device(elbow_drive, image.real)
+    library = compile_device(drive, image.real)
     host = run_schedule(
         CBoard(library.board().library, unzeroed),
         {"sense": inputs, "control": {"": np.zeros((ticks + 4) // 5)}},
     )
     for runs, task in ((sense, "sense"), (control, "control")):
-        at = [m.sequence // elbow_drive.system.task(task).every for m in runs]
+        at = [m.sequence // drive.system.task(task).every for m in runs]
         for output, values in host[task].items():
             wanted = values[at].astype(np.uint32 if values.dtype == np.uint32 else np.float32)
             assert np.array_equal(column(runs, output), wanted), (task, output)
     assert info.stack_peak_bytes <= sum(image.stack_bounds_bytes.values()) <= info.stack_bytes
 
 
-def test_all_of_a_tasks_values_stream_at_1_kHz_while_parameters_are_read(elbow_drive, drive_image):
-    with RunningBoard(elbow_drive, drive_image) as board:
+def test_all_of_a_tasks_values_stream_at_1_kHz_while_parameters_are_read(drive, drive_image):
+    with RunningBoard(drive, drive_image) as board:
         sense, control = board.stream(["sense.*", "control.*"])
         assert (sense.rate_Hz, control.rate_Hz) == (1000, 200)
-        assert len(board.parameters()) == len(elbow_drive.system.tunables)
+        assert len(board.parameters()) == len(drive.system.tunables)
         assert board.set_parameter("velocity.bandwidth_Hz", 20.0) == 20
         first, second = board.time_sync(), board.time_sync()
         times: dict[str, list[int]] = {sense.task: [], control.task: []}
@@ -177,9 +172,9 @@ def swept(device, image, inputs, step: int, each: int = 1) -> PreemptionResult:
 
 
 @pytest.fixture(scope="module")
-def given(elbow_drive):
+def given(drive):
     """What its tasks are given for 160 ticks: 16 of every second run of control."""
-    return record_drive(elbow_drive, 160).inputs
+    return record_drive(drive, 160).inputs
 
 
 @pytest.fixture(scope="module")
@@ -209,10 +204,10 @@ def test_sensing_before_every_instruction_of_control_changes_no_bit(later, tmp_p
     assert len(found.preemptions) > 0.6 * found.instructions
 
 
-def test_a_tick_among_the_marks_of_a_runs_end(elbow_drive, drive_image, given):
+def test_a_tick_among_the_marks_of_a_runs_end(drive, drive_image, given):
     """Its last instructions: until the last mark is set the run is late, and counts as late."""
-    last = instructions_of(drive_image, functions(elbow_drive)[:1])[-14:]
-    found = preempt_everywhere(elbow_drive, drive_image, given, last, each=2)
+    last = instructions_of(drive_image, functions(drive)[:1])[-14:]
+    found = preempt_everywhere(drive, drive_image, given, last, each=2)
     assert len(found.preemptions) >= 12
     assert {p.late for p in found.preemptions} == {True, False}
     assert found.differences == ()
@@ -254,10 +249,10 @@ def test_a_stack_of_unknown_size_is_refused(tmp_path):
         CallGraph.read([tmp_path / "a.ci"])
 
 
-def test_an_image_whose_stack_may_not_do_is_refused(elbow_drive, tmp_path):
-    files = dict(render_device(elbow_drive, ["f32"])[0].files)
+def test_an_image_whose_stack_may_not_do_is_refused(drive, tmp_path):
+    files = dict(render_device(drive, ["f32"])[0].files)
     body = r"(void esea_elbow_drive_control_step\([^{]*\{)"
     big = r"\1 volatile char big[6000]; big[0] = 1; big[5999] = big[0];"
     files["esea_elbow_drive.c"] = re.sub(body, big, files["esea_elbow_drive.c"], count=1)
     with pytest.raises(UserError, match="the stack may need"):
-        build_firmware(elbow_drive, BOARD, tmp_path, files)
+        build_firmware(drive, BOARD, tmp_path, files)

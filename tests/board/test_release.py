@@ -31,7 +31,6 @@ NOT_CONVEX, CAP_REACHED, NOT_OPTIMAL = 4, 8, 16
 
 @pytest.fixture(scope="module")
 def mpc():
-    require_tool("gcc")
     program = load_device("elbow_mpc").system.blocks["predictive"]
     renderer = render_program(program, "f32")
     return program, HostLibrary(renderer.system, renderer).block("predictive")

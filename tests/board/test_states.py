@@ -17,17 +17,11 @@ from esea_gen.device import load_device
 from esea_gen.emit.states import EVENTS, GUARDS, STATES, TIMES_MS, follow, states_header
 from esea_gen.link.transport import LinkError
 from esea_gen.targets import firmware_folder
-from tests.conftest import require_tool
-from tests.sim_drive import ANGLES, powered_on, zeroed
+from tests.sim_drive import ANGLES, zeroed
 
 FFI = cffi.FFI()
 NAMES = [s.name for s in STATES]
 TORQUE = {"ARMED", "ACTIVE", "LETTING_GO", "STOPPING"}
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
 
 
 @pytest.fixture
@@ -547,7 +541,6 @@ def test_late_runs_of_the_slower_task_latch(armed):
 @pytest.mark.ci
 @pytest.mark.parametrize("name", ["elbow", "wrist"])
 def test_a_device_without_a_motor_is_ready_and_never_armed(name):
-    require_tool("gcc")
     board = SimBoard(load_device(name))
     board.measure()
     board.ticks(20)
@@ -571,7 +564,6 @@ def test_a_device_without_a_motor_is_ready_and_never_armed(name):
 
 @pytest.mark.ci
 def test_in_whole_numbers_it_is_zeroed_and_armed_alike(drive):
-    require_tool("gcc")
     board = SimBoard(drive, board="sim-q31")
     board.measure(**ANGLES)
     board.ticks(20)

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import contextlib
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.link.transport import LinkError
 from tests.board.test_states import TORQUE, rule
-from tests.sim_drive import ANGLES, powered_on
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
+from tests.sim_drive import ANGLES
 
 
 class Person:

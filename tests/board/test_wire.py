@@ -15,16 +15,11 @@ from esea_gen.emit.dialect import render_dialect
 from esea_gen.emit.states import TIMES_MS
 from esea_gen.emit.telemetry import stream_costs
 from esea_gen.link.transport import LinkError
-from tests.sim_drive import ANGLES, active, powered_on, texts, zeroed
+from tests.sim_drive import ANGLES, active, texts, zeroed
 
 pytestmark = pytest.mark.ci
 
 STOP, RESET = "MAV_CMD_USER_4", "MAV_CMD_USER_1"
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_host.commissioning import SimulatedHands, StepOptions, run_step, simulated_bench, steps_of
@@ -22,11 +21,6 @@ from esea_host.commissioning.swinging import (
 
 H, HANGS_RAD, LOSS = 0.001, 1.2, -0.05
 MASSES = KnownLoad(1.2, 0.3), KnownLoad(0.6, 0.3)
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 def stop_operator(x: np.ndarray, r: float = 0.8) -> np.ndarray:

@@ -14,16 +14,11 @@ from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
-from tests.conftest import require_tool, without
+from tests.conftest import without
 from tests.control.test_passive_block import SHIPPED
 from tests.own_device import own_device
 
 CASE = "1.7 Nm 0.6 Hz"
-
-
-@pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
 
 
 def test_nothing_but_the_wish_reads_the_adaptation(drive):
@@ -59,7 +54,6 @@ def test_it_goes_with_a_drive_and_names_what_it_may_not():
 
 def test_a_rubber_that_is_off_is_adapted_to():
     """Ten per cent soft: 0.12 Nm without, 0.04 with its gain set, which is what a true one has."""
-    require_tool("gcc")
     case = load_study("tuning", ClosedLoopStudy).case(CASE)
     errors = []
     for gain in (1.0, 1 / 0.9):
@@ -75,7 +69,6 @@ def test_a_rubber_that_is_off_is_adapted_to():
 @pytest.mark.slow
 @pytest.mark.parametrize("real", ["f32", "q31"])
 def test_off_the_drive_gives_the_bits_of_one_without_the_section(bare, tmp_path, real):
-    require_tool("gcc")
     path = tmp_path / "bare.toml"
     path.write_text(bare, encoding="utf-8")
     case = load_study("tuning", ClosedLoopStudy).case(CASE)

@@ -12,14 +12,12 @@ from esea_gen.control.predictive.box_qp import iteration_cap
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import CRunner, HostLibrary
 from tests.box_qp_program import FLAGS, box_qp
-from tests.conftest import require_tool
 from tests.rendered_program import render_program
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 
 
 def compiled(n: int, real: str, **more) -> CRunner:
-    require_tool("gcc")
     renderer = render_program(box_qp(n, **more), real)
     return HostLibrary(renderer.system, renderer).block("box_qp")
 

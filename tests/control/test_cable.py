@@ -20,7 +20,6 @@ from esea_gen.studies.tracking import TuningCase
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
-from tests.conftest import require_tool
 from tests.own_device import own_device, q
 
 STEP = 2 * math.pi / 4096  # of a joint encoder
@@ -258,7 +257,6 @@ def test_what_does_not_go_together_is_refused():
 
 @pytest.mark.ci
 def test_the_tuning_case_on_the_real_plant(tmp_path):
-    require_tool("gcc")
     (case,) = TuningCase().cases()
     rigid = tmp_path / "rigid.toml"
     rigid.write_text(predictive('drive = "rigid"\nfuture = "given"\n').toml())

@@ -13,7 +13,7 @@ from esea_gen.studies.simulation import ClosedLoopStudy, default_person
 from esea_gen.twin.case import Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.run import run_case
-from tests.conftest import ROOT, require_tool, without
+from tests.conftest import ROOT, without
 
 ON = {"mode": 1.0}
 
@@ -111,7 +111,6 @@ def test_it_asks_for_the_motors_own_encoder(tmp_path):
     [("tuning", "1.7 Nm 0.6 Hz", 0.04), ("grid", "3 Nm 1 Hz", 0.1), ("bread", "0 Nm", 0.045)],
 )
 def test_it_follows_on_a_plant_that_it_was_not_tuned_on(study, case, most_Nm):
-    require_tool("gcc")
     found = load_study(study, ClosedLoopStudy).case(case)
     run = run_case(found, Setting("cascade", "real", default_person(study, "real")), 11)
     figures = judge(found, run, 0.221)

@@ -11,7 +11,6 @@ from esea_gen.control.sliding_mode.governor import smoothed_setpoint, torque_lea
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import bread, fixed_output, fixed_sinusoid, tuning
-from tests.conftest import require_tool
 
 H = 1e-3
 # As it was: nothing ahead, friction of the measured rate, a lead of 2.
@@ -88,21 +87,18 @@ def rms(path, tunables=None, seed=0):
     ("size_Nm", "frequency_Hz", "most", "before"), [(3.0, 1.0, 0.25, 0.6), (4.0, 0.5, 0.12, 0.2)]
 )
 def test_what_was_called_the_motors_limit_is_followed(size_Nm, frequency_Hz, most, before):
-    require_tool("gcc")
     path = fixed_sinusoid(size_Nm, frequency_Hz)
     assert max(rms(path, seed=s) for s in (0, 1)) < most
     assert rms(path, BEFORE) > before
 
 
 def test_nothing_else_is_worse():
-    require_tool("gcc")
     assert rms(tuning()) < rms(tuning(), BEFORE)
     # With the damping that a law lacks both have 0.038 Nm.
     assert rms(bread(0.0)) < 1.05 * rms(bread(0.0), BEFORE)
 
 
 def test_a_step_overshoots_no_more():
-    require_tool("gcc")
     case = Case("step", fixed_output("step", np.where(np.arange(4000) >= 1000, 0.5, 0.0), 1000))
     for seed in (0, 1):
         run = run_case(case, Setting("smc"), seed)

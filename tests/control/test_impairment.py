@@ -28,7 +28,6 @@ from tests.own_device import own_device
 
 @pytest.fixture(scope="module")
 def device():
-    require_tool("gcc")
     return own_device(base="wrist_drive", name="published", impairment={"wall": "published"})
 
 

@@ -12,7 +12,7 @@ from esea_gen.hostlib.library import compile_block
 from esea_gen.language.stream import SPECIAL, single
 from esea_gen.language.system import System, Task
 from esea_gen.model.sensing import zeros_missing
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.limits_model import REALS, SHIPPED, calm
 
 # -- what cannot be detected stays bounded ---------------------------------------------------------
@@ -174,7 +174,6 @@ def test_both_encoders_frozen_leave_only_the_torque_limit(drive):
 
 @pytest.mark.parametrize("real", REALS)
 def test_stamp(drive, real):
-    require_tool("gcc")
     runner = compile_block(command_stamp(drive), real)
     u = single(np.random.default_rng(1).uniform(-0.2, 0.2, 600))
     y, _ = runner.run({"u_command_Nm": u})

@@ -14,7 +14,6 @@ from esea_gen.hostlib.library import HostLibrary, compile_device
 from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.streams import at_the_limits, streams
-from tests.conftest import require_tool
 from tests.devices.test_device import own
 
 # Order of a motor of the elbow's size; no data sheet's.
@@ -39,7 +38,6 @@ def warm(**changed: float) -> Device:
 
 @cache
 def library(real: str) -> HostLibrary:
-    require_tool("gcc")
     return compile_device(warm(start_C=START), real)
 
 

@@ -8,7 +8,6 @@ from esea_gen.language.stream import Stream, single
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.verify.runs import run_c
 from tests.benchmarks.predictive_loop import recorded_rows
-from tests.conftest import require_tool
 from tests.operating_point import PointAnalysis
 
 
@@ -25,7 +24,6 @@ def fed():
 
 @pytest.mark.ci
 def test_the_compiled_controller_keeps_the_bound(fed):
-    require_tool("gcc")
     program, columns = fed
     runner = compile_device(load_device("elbow_mpc"), "f32").block("predictive")
     analysis = PointAnalysis(program)

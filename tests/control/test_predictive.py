@@ -19,14 +19,12 @@ from esea_gen.control.predictive.rubber_ahead import SMOOTH_RAD, SMOOTH_RAD_S
 from esea_gen.device import load_device, parse_device
 from esea_gen.hostlib.library import CRunner, HostLibrary
 from esea_gen.language.ports import Port, Tunable
-from tests.conftest import require_tool
 from tests.rendered_program import render_program
 
 BIT = {f.name: 1 << i for i, f in enumerate(FLAGS)}
 
 
 def compiled(program, real: str) -> CRunner:
-    require_tool("gcc")
     renderer = render_program(program, real)
     return HostLibrary(renderer.system, renderer).block(program.name)
 

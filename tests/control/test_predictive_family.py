@@ -17,7 +17,6 @@ from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import rubber_sensor
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
-from tests.conftest import require_tool
 from tests.control.test_predictive import Plain, check_linearisation
 from tests.model.test_family_device import EVERY, drive
 
@@ -207,7 +206,6 @@ def test_a_substep_with_the_cable_against_central_differences(devices, name):
 @pytest.mark.ci
 def test_the_closed_loop_is_three_times_as_close_as_sliding_mode(elbow, tmp_path):
     """True torque error of the tuning case on the bearing's rubber, simulated: 0.042, 0.149 Nm."""
-    require_tool("gcc")
     rig, error = family_device(elbow, BEARING, "drawn"), {}
     for base in ("elbow_mpc", "elbow_drive"):
         path = tmp_path / f"{base}.toml"

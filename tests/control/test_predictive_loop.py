@@ -95,6 +95,5 @@ def test_what_cannot_be_bounded_is_an_error(tmp_path):
 
 def test_the_standard_experiments(drive):
     # Real plant, uncertain person; medians over ten seeds are in docs/laws-compared.md.
-    require_tool("gcc")
     assert rms("tuning", "mpc") < 0.06
     assert rms("backdriven", "mpc", case=3) < 0.07

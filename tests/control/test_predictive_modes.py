@@ -13,7 +13,6 @@ from esea_gen.studies.passivity.push import push_case
 from esea_gen.twin.case import Setting
 from esea_gen.twin.run import run_case
 from tests.benchmarks.predictive_modes import SLOW_HZ, Controller, Plant
-from tests.conftest import require_tool
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +34,6 @@ def swing_in_c(inertia_kgm2: float, damping_Nms_rad: float, spring_Nm_rad: float
 
 @pytest.mark.parametrize("hand", [(0.1, 0.0, 30.0), (0.1, 0.0, 1000.0), (0.2, 0.5, 100.0)])
 def test_a_hand_swings_in_the_emitted_c_as_predicted(controller, hand):
-    require_tool("gcc")
     inertia, damping, spring = hand
     growth, frequency_Hz = controller.modes(Plant(20.0, 1e4, inertia, damping, spring))
     seen_growth, seen_Hz = swing_in_c(*hand)

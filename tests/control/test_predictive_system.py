@@ -115,7 +115,6 @@ def test_an_invalid_future_turns_it_off(small):
 def test_switching_on_is_bumpless_though_the_future_is_known(monkeypatch):
     # 2 Nm are wanted all along; switched on at 0.5 s, the torque rises as the offset fades, by the
     # reference's time constant of 0.2 s.
-    require_tool("gcc")
     monkeypatch.setattr("esea_gen.twin.run.ON_S", 0.5)
     n = 1500
     rest = np.zeros(n)
@@ -167,20 +166,17 @@ def held_torque(controller: str, kp: float, offset_rad: float) -> float:
 @pytest.mark.parametrize(("kp", "offset_rad"), [(1.5, 0.8), (3.0, -0.5), (2.5, 0.5)])
 def test_the_rendered_stiffness_is_the_one_asked_for(kp, offset_rad):
     # Closed form at rest: the torque on the load pulls towards the wanted angle.
-    require_tool("gcc")
     assert held_torque("mpc", kp, offset_rad) == pytest.approx(kp * offset_rad, abs=0.03)
     assert held_torque("mpc-no-preview", kp, offset_rad) == pytest.approx(kp * offset_rad, abs=0.03)
 
 
 def test_a_stiffness_asks_for_no_more_than_the_torque_range():
     # 3 Nm/rad over 1.9 rad would be 5.7 Nm: held to the range, which two layers clip at too.
-    require_tool("gcc")
     reach = controller_device("mpc").tau_full_scale_Nm
     assert held_torque("mpc", 3.0, 1.9) == pytest.approx(reach, rel=0.05)
 
 
 def test_one_layer_is_better_than_two(tmp_path):
-    require_tool("gcc")
     text = (controller_device("mpc").toml()).replace('"one_layer"', '"cascade"')
     assert 'impedance = "cascade"' in text
     two = tmp_path / "two_layers.toml"
@@ -199,7 +195,6 @@ def test_one_layer_is_better_than_two(tmp_path):
 
 def test_predictive_control_as_printed_stands_as_in_the_thesis():
     # Torque on a fixed output and impedance: MPC better; backdriven: sliding mode better.
-    require_tool("gcc")
     printed = controller_device("mpc-published")
     asked = printed.file.predictive
     assert (asked.intervals.value, asked.interval_s.value) == (10, 0.05)
@@ -258,7 +253,6 @@ def found_by(small, executed, real: str, files=None) -> Verification:
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_a_program_is_verified_against_its_executor(small, executed, real):
-    require_tool("gcc")
     found = found_by(small, executed, real)
     assert found.passed, [c.problems for c in found.comparisons]
     assert len(found.comparisons) == 8
@@ -278,7 +272,6 @@ def test_a_program_is_verified_against_its_executor(small, executed, real):
     ],
 )
 def test_a_deliberate_fault_is_found(small, executed, real, pattern, fault):
-    require_tool("gcc")
     files = dict(render_device(small, [real])[0].files)
     name = "esea_small_predictive.c"
     text = files[name]
@@ -290,13 +283,11 @@ def test_a_deliberate_fault_is_found(small, executed, real, pattern, fault):
 @pytest.mark.slow
 @pytest.mark.parametrize("controller", ["mpc", "mpc-published"])
 def test_the_shipped_controllers_pass_verification(controller):
-    require_tool("gcc")
     assert verify(controller_device(controller)).passed
 
 
 @pytest.mark.parametrize("controller", ["mpc", "mpc-published"])
 @pytest.mark.parametrize("target", TARGETS)
 def test_the_shipped_controllers_pass_the_gates(controller, target):
-    require_tool("gcc")
     report = check_objects(controller_device(controller), target)
     assert report.passed, report.problems

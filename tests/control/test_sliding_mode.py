@@ -19,7 +19,6 @@ from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.system import System, Task
-from tests.conftest import require_tool
 from tests.own_device import own_device
 from tests.single_steps import stays_in_range
 
@@ -44,7 +43,6 @@ def beside(*blocks) -> System:
 
 @pytest.fixture(scope="module")
 def libraries(drive):
-    require_tool("gcc")
     fast = beside(reference(drive), setpoint_rates(drive))
     slow = beside(sliding_mode(drive))
     return {k: compile_system(s, "f32") for k, s in (("fast", fast), ("slow", slow))}

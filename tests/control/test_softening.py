@@ -13,7 +13,6 @@ from esea_gen.control.sliding_mode.controller import sliding_mode
 from esea_gen.studies.off_table import SWINGING_NM
 from esea_gen.studies.registry import load_study
 from esea_gen.studies.simulation import ClosedLoopStudy, simulate_case
-from tests.conftest import require_tool
 from tests.control.test_sliding_mode import TS, bits, inputs_of
 
 
@@ -80,7 +79,6 @@ RANDOM = {
 
 
 def test_light_and_late_drives_do_not_swing(drive):
-    require_tool("gcc")
     case = load_study("tuning", ClosedLoopStudy).cases()[0]
     above = {}
     for softening in (0.0, 1.0):

@@ -5,33 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.control.laws.predictive import device_horizon
 from esea_gen.control.limits.faults import Fault
 from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
-from tests.conftest import require_tool
 
 TICKS = 6000
 NO_GAINS = {"reference": {"Kp_Nm_rad": 0.0, "Kd_Nms_rad": 0.0}}
 
 
 @pytest.fixture(scope="module")
-def device():
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
+def loop(drive):
+    return ClosedLoop(drive.system, real_plant(drive), "f32")
 
 
 @pytest.fixture(scope="module")
-def loop(device):
-    return ClosedLoop(device.system, real_plant(device), "f32")
-
-
-@pytest.fixture(scope="module")
-def run(device, loop):
-    plant = real_plant(device, seed=0).having(PEOPLE["none"], clamped=1.0)
+def run(drive, loop):
+    plant = real_plant(drive, seed=0).having(PEOPLE["none"], clamped=1.0)
 
     def ran(tau_Nm, **changes):
         zero = np.zeros(TICKS)
@@ -120,7 +112,6 @@ def test_an_invalid_future_stops_predictive_control_for_good(foreseen, name):
 
 @pytest.fixture(scope="module")
 def foreseen():
-    require_tool("gcc")
     device = controller_device("mpc")
     plant = real_plant(device, seed=0).having(PEOPLE["none"], clamped=1.0)
     loop = ClosedLoop(device.system, plant, "f32")

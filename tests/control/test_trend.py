@@ -13,7 +13,6 @@ from esea_gen.device import load_device
 from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.run import run_case
 from esea_gen.twin.trajectories import fixed_output, tuning
-from tests.conftest import require_tool
 from tests.own_device import own_text
 
 GRID = Horizon(10, 0.02, 4, 0.002)
@@ -100,7 +99,6 @@ def test_extrapolation_is_the_default_when_no_future_is_given():
 
 @pytest.mark.ci
 def test_the_tuning_case_is_followed_without_a_future():
-    require_tool("gcc")
     path = tuning()
     run = run_case(Case("tuning", path), Setting("mpc-no-preview"), 0)
     error = (run.plant["tau_e_Nm"] - path.tau_desired_Nm)[path.window]
@@ -110,7 +108,6 @@ def test_the_tuning_case_is_followed_without_a_future():
 
 @pytest.mark.ci
 def test_a_step_is_followed_as_by_a_held_torque(tmp_path):
-    require_tool("gcc")
     case = Case("step", fixed_output("step", np.where(np.arange(2500) >= 1000, 0.5, 0.0), 1000))
     runs = [run_case(case, Setting(c), 0) for c in ("mpc-no-preview", held(tmp_path))]
     assert np.array_equal(runs[0].controller["u_Nm"], runs[1].controller["u_Nm"])
@@ -141,7 +138,6 @@ def test_less_of_what_is_fast_is_asked_of_a_motor_at_its_limit():
     ("size_Nm", "frequency_Hz", "most_Nm"), [(2, 2, 3.0), (-1, 3, 1.5), (3, 3, 4.5), (-3, 4, 4.0)]
 )
 def test_what_the_motor_cannot_follow_does_not_swing_up(size_Nm, frequency_Hz, most_Nm):
-    require_tool("gcc")
     wanted = size_Nm * np.sin(2 * np.pi * frequency_Hz * np.arange(3000) / 1000)
     # The law reckons with an arm that moves; before, each latched, and 5 to 8 Nm came of it.
     setting = Setting("mpc-no-preview", tunables={"predictive": {"load_free": 1.0}})

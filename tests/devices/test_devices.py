@@ -27,7 +27,6 @@ from esea_gen.verify.compare import compare
 from esea_gen.verify.runs import CasadiOracle
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
 from tests.cli.test_cli import refused, run
-from tests.conftest import require_tool
 
 BOARDS = ("elbow_board", "knee_board", "wrist_board")  # from counts of encoders
 NAMES = ("elbow", "knee", "knee_printed", "wrist", *BOARDS)  # those that measure
@@ -75,7 +74,6 @@ def test_it_reads_back_equal_and_has_its_file_name(device):
 @pytest.mark.ci
 @pytest.mark.parametrize(("name", "reals"), [("knee", "f64 f32"), ("knee_printed", "f64")])
 def test_its_c_equals_its_model(name, reals):
-    require_tool("gcc")
     device = esea_gen.load_device(name)
     libraries = {real: compile_device(device, real) for real in reals.split()}
     oracle = CasadiOracle(device.system)
@@ -217,7 +215,6 @@ def test_wrist_axes_are_independent_elbows(elbow):
         f"theta_{axis}_rad": np.float32(np.cumsum(rng.normal(0, 0.002, 400)))
         for axis in ("flexion", "deviation")
     }
-    require_tool("gcc")
     both, _ = compile_device(wrist, "f32").task("sense").run(theta, trace=False)
     for axis in ("flexion", "deviation"):
         one, _ = (

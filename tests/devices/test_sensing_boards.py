@@ -21,14 +21,12 @@ from esea_host.connection import open_device
 from esea_host.recording import open_log
 from esea_host.recording.replay import verify
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from tests.conftest import require_tool
 
 BOARDS = {"elbow": "elbow_board", "knee": "knee_board", "wrist": "wrist_board"}
 
 
 @pytest.fixture(scope="module", params=[*BOARDS, "wrist_drive"])
 def board(request):
-    require_tool("gcc")
     made = SimulatedBoard(request.param)
     yield made
     made.close()
@@ -158,7 +156,6 @@ def test_a_sensor_is_commissioned(name, kg, axis):
 @pytest.mark.ci
 @pytest.mark.parametrize("way", ["--tcp=0", "--pty"])
 def test_a_served_board_is_listened_to(way, tmp_path):
-    require_tool("gcc")
     command = [sys.executable, "-m", "esea_host.simulated", "wrist", way, "--zeroed=1"]
     target = tmp_path / "r.mcap"
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as served:

@@ -28,7 +28,6 @@ from esea_gen.verify.fixed import compare_fixed, single_steps, states_before
 from esea_gen.verify.one_step import StepRule
 from esea_gen.verify.runs import CasadiOracle, run_c, run_executor
 from tests import made_up
-from tests.conftest import require_tool
 from tests.made_up import port
 from tests.rendered_program import render_program
 
@@ -49,7 +48,6 @@ def made(kind: str) -> Block:
 
 def library(block: Block, real: str, old: str = "", new: str = "") -> HostLibrary:
     """The C of a Block, with one line of its step written otherwise."""
-    require_tool("gcc")
     renderer = Renderer(block_system(block), FORMATS[real], "-", "-", "made up")
     files = renderer.files()
     name = f"esea_{block.name}_alone_{block.name}.c"
@@ -155,7 +153,6 @@ def test_a_single_bit_of_a_q31_memory_is_seen(elbow):
 @pytest.fixture(scope="module")
 def small():
     """A predictive controller of two intervals: device, program, stream, executor's run, C."""
-    require_tool("gcc")
     device = load_device("elbow_drive")
     program = predictive_controller(device, horizon=Horizon(2, 0.02, 1, 0.001))
     stream = next(s for s in program_streams(program, steps=8) if not s.injections)

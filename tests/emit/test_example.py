@@ -19,17 +19,10 @@ from esea_gen.hostlib.library import block_system
 from esea_gen.language.ports import Flag, flag_word
 from esea_gen.language.system import System
 from esea_gen.verify.gates import check_objects, run_example
-from tests.conftest import require_tool
 from tests.made_up import made, port
 from tests.own_device import own_text
 
 REALS = ("f64", "f32", "q31")
-
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +52,6 @@ def test_the_drives_example_agrees_at_every_tick_and_its_latch_holds(texts, rows
 
 @pytest.mark.ci
 def test_the_example_of_predictive_control_agrees():
-    require_tool("gcc")
     device = esea_gen.load_device("elbow_mpc")
     run = run_example(render_device(device, ["f32"])[0].files, "f32", quick=True)
     assert run.problems == (), run.said
@@ -68,7 +60,6 @@ def test_the_example_of_predictive_control_agrees():
 
 
 def test_the_example_in_whole_numbers_of_a_device_that_measures(elbow):
-    require_tool("gcc")
     run = run_example(render_device(elbow, ["q31"])[0].files, "q31", quick=True)
     assert (run.problems, run.checked, run.asked) == ((), 12, 0)
 
@@ -83,7 +74,6 @@ OTHERS = {
 @pytest.mark.ci
 @pytest.mark.parametrize("title", sorted(OTHERS))
 def test_the_example_of_another_drive(title):
-    require_tool("gcc")
     device = parse_device(OTHERS[title], "mine.toml")
     run = run_example(render_device(device, ["f32"])[0].files, "f32", quick=True)
     assert run.problems == (), run.said
@@ -93,7 +83,6 @@ def test_the_example_of_another_drive(title):
 
 @pytest.mark.ci
 def test_encoders_that_nobody_has_calibrated_are_calibrated_by_the_example(drive):
-    require_tool("gcc")
     text = re.sub(r"(?m)^zero_rad = .*$", "", drive.toml())
     files = render_device(parse_device(text, "new.toml"), ["f32"])[0].files
     assert "params.encoder_motor.zeroed = 1.0f; /* as a calibration would */" in files["main.c"]
@@ -199,7 +188,6 @@ def test_a_fault_in_the_c_is_seen(texts, title, real):
 
 @pytest.mark.ci
 def test_the_gates_refuse_an_example_that_compares_nothing(elbow):
-    require_tool("gcc")
     files = dict(render_device(elbow, ["f32"])[0].files)
     files["main.c"] = (
         '#include <stdio.h>\nint main(void) { puts("0 of 0 samples agree"); return 0; }'
@@ -244,7 +232,6 @@ def test_any_range_that_holds_more_than_a_value_gets_its_triangle(low, high):
 
 @pytest.mark.parametrize("real", REALS)
 def test_a_triangle_that_does_not_start_at_zero_runs(real):
-    require_tool("gcc")
     renderer = Renderer(one_block(3.0, 4.0), FORMATS[real], "-", "-", "Small")
     run = run_example(renderer.folder(), real, quick=True)
     assert (run.problems, run.checked) == ((), 12), run.said

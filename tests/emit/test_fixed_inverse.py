@@ -20,7 +20,6 @@ from esea_gen.model.inverse import exact_inverse
 from esea_gen.model.published_inverse import published_inverse
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
-from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
 
@@ -110,7 +109,6 @@ def test_the_torque_rises_by_the_slope_that_is_promised(elbow):
 
 def test_a_set_point_off_the_exact_one_is_flagged(elbow):
     """The promise can fail to hold, and then shows: a wrong root, and the step says so."""
-    require_tool("gcc")
     block = elbow.inverse
     system = block_system(block)
     library = compile_system(system, "q31")
@@ -158,7 +156,6 @@ def test_what_leads_to_a_solved_value_does_not_count(elbow):
 
 def test_the_way_is_widened_where_its_residual_would_be_large(wrist):
     """The knee's stiffness leaves 32 bits too coarse on the way; the elbow's does not."""
-    require_tool("gcc")
     knee = esea_gen.load_device("knee")
     block = knee.inverse
     plan = plan_block(block)
@@ -178,7 +175,6 @@ def test_the_way_is_widened_where_its_residual_would_be_large(wrist):
 
 @pytest.mark.parametrize("kind", ["exact", "b", "plays"])
 def test_inverses_bit_for_bit_and_inside_their_bound(wrist, kind):
-    require_tool("gcc")
     block = (
         wrist.inverse
         if kind == "exact"

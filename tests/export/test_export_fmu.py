@@ -122,11 +122,6 @@ def sensor(folder, elbow):
 
 
 @pytest.fixture(scope="module")
-def drive():
-    return esea_gen.load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
 def loop(folder, drive):
     """The controller, the virtual exoskeleton, and a run of both by ours."""
     plant = real_plant(drive, seed=3)

@@ -18,7 +18,6 @@ from esea_gen.identify import identify, load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.reading import beyond_rad, followed_rad
 from tests import rigs
-from tests.conftest import require_tool
 from tests.result_schemas import held
 from tests.rigs import changed, table
 
@@ -112,11 +111,6 @@ def written(folder: Path, recordings: list[Samples], *changes: tuple[str, str]) 
 
 def mapped(folder: Path, *changes: tuple[str, str]) -> Path:
     return rigs.mapped(folder, *changes, text=MAPPING)
-
-
-@pytest.fixture(autouse=True)
-def _compiler():
-    require_tool("gcc")
 
 
 # Lag.

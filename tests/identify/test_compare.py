@@ -25,7 +25,7 @@ from esea_gen.identify.family.fit import UnitTerms, fit_member, members, solve_w
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.conditions import splits_of
 from esea_gen.identify.recording.recorded import Misfits
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.identify.test_recordings import MAPPING
 
 HDRB = ROOT / "tests" / "data" / "hdrb" / "hdrb.toml"
@@ -148,7 +148,6 @@ def test_weights_are_the_bounded_least_squares_of_another_solver():
 @pytest.mark.ci
 def test_friction_that_turns_back_otherwise_at_each_end_is_drawn(tmp_path):
     """Two sides with relaxations of their own, strokes of two speeds; small steps of Euler."""
-    require_tool("gcc")
     t = np.arange(20001) / 1000
     x = np.interp(t % 2.5, [0, 1.5, 2.5], [-1, 1, -1])
     y = 0.1 * x + 0.05
@@ -172,7 +171,6 @@ def test_friction_that_turns_back_otherwise_at_each_end_is_drawn(tmp_path):
 
 @pytest.fixture(scope="module")
 def hdrb():
-    require_tool("gcc")
     source = load_mapping(HDRB)
     return source, load_recordings(source)
 
@@ -294,7 +292,6 @@ def test_of_what_is_held_out_a_peer_knows_nothing(tmp_path, name):
 @pytest.mark.ci
 def test_the_model_is_chosen_unless_it_is_named(tmp_path, monkeypatch):
     """Named, or asked for with what only the published form has; one search is drawn."""
-    require_tool("gcc")
     fit, seen, draw = comparing.fit_split, [], ["--draw", str(tmp_path / "search.png")]
     monkeypatch.setattr(comparing, "fit_split", lambda *a: seen.append(a[-1].watch) or fit(*a))
     few = tuple(m for m in members() if m.name in ("stops", "slips"))

@@ -14,7 +14,6 @@ from esea_gen.identify.drafting import draft, fitted_device
 from esea_gen.identify.published.fit import Fit
 from esea_gen.identify.published.plant import FittedPlant
 from esea_gen.identify.published.space import place_of
-from tests.conftest import require_tool
 from tests.rigs import written
 
 HZ, CYCLES = 2.5, 6
@@ -116,7 +115,6 @@ def test_a_fitted_devices_limit_is_what_its_model_gives_from_end_to_end(
 @pytest.mark.parametrize("rate", [False, True])
 def test_the_torque_is_the_sum_of_its_parts_times_their_stiffness(tmp_path, rate):
     """Two ways through the C: all parameters at once, and each part alone with a stiffness of 1."""
-    require_tool("gcc")
     _, recordings, template = drafted(tmp_path, 200.0, rate=rate)
     plant = FittedPlant(template, recordings, 200.0 if rate else None)
     stiff = {"k1_Nm_rad": 12.0, "k3_Nm_rad3": 90.0, "alpha_Nm_rad": 40.0}

@@ -16,7 +16,7 @@ from esea_gen.hostlib.library import compile_system
 from esea_gen.identify import Identification, identify
 from esea_gen.identify.published.search_problem import solve_linear
 from esea_gen.identify.published.space import Space, bounds_of, parameters_of
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.identify.test_recordings import MAPPING, loops
 from tests.rigs import says, table
 
@@ -46,7 +46,6 @@ def test_the_linear_part_is_the_bounded_optimum(seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def hdrb() -> Identification:
-    require_tool("gcc")
     return identify(DATA / "hdrb.toml")
 
 
@@ -117,7 +116,6 @@ def test_writing_keeps_foreign_files(hdrb: Identification, tmp_path: Path) -> No
 
 
 def test_a_spring_has_no_loss_to_compare(tmp_path: Path) -> None:
-    require_tool("gcc")
     t, x, _ = loops()
     (tmp_path / "rig.csv").write_text(table(t, x, 0.1 * x))
     (tmp_path / "map.toml").write_text(MAPPING)
@@ -163,7 +161,6 @@ def sweep(path: Path, run, f0: float, f1: float, seconds: float, amplitude_deg: 
 
 @pytest.mark.ci
 def test_the_published_elbow_is_found_again(tmp_path: Path) -> None:
-    require_tool("gcc")
     elbow = load_device("elbow")
     task = compile_system(elbow.system, "f64").task("sense")
 

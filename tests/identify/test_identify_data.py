@@ -20,7 +20,6 @@ from esea_gen.identify.published.plant import FittedPlant, uncertainty
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.resampling import FitRows
 from esea_gen.model.sensing import sensing_system
-from tests.conftest import require_tool
 from tests.rigs import changed, table
 
 CYCLE = 100  # samples
@@ -109,7 +108,6 @@ def found(result: Identification) -> dict[str, object]:
 
 @pytest.mark.ci
 def test_a_wrong_held_out_torque_changes_no_identified_number(tmp_path):
-    require_tool("gcc")
     theta = np.concatenate([sine(5, 0.1), sine(5, 0.2)])
     path = written(tmp_path / "good", rig=(theta, lossy(theta)))
     good = identify(path)
@@ -131,7 +129,6 @@ def test_a_wrong_held_out_torque_reaches_no_row_of_a_fit_with_rate_terms(
     # On a grid of its own, between recorded samples: held-out ones must not leak in there either,
     # least of all where the next block trains from its first sample on (another amplitude, but no
     # open cycle between them).
-    require_tool("gcc")
     theta = np.concatenate([sine(5, a) for a in amplitudes])
     mapping = MAPPING + f"[cycles]\nskip_first = {skip_first}\n"
     (recording,) = loaded(written(tmp_path, mapping, rig=(theta, lossy(theta))))
@@ -154,7 +151,6 @@ def spring(cycles: int, k1_Nm_rad: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_every_recording_weighs_the_same_however_long_it_is(tmp_path):
-    require_tool("gcc")
     # Two springs at one amplitude: the stiffness that serves both equally is their mean.  By
     # samples the long one, with 28 training cycles against 3, would pull it to 11.8.
     result = identify(written(tmp_path, **{"long": spring(31, 12.0), "short": spring(6, 10.0)}))
@@ -184,7 +180,6 @@ def parameters(device: Device) -> dict[str, float]:
 
 
 def test_the_devices_own_torque_is_fitted_without_error(elbow):
-    require_tool("gcc")
     t = np.arange(3000) * elbow.period_s
     recording = replayed(elbow, 0.1 * np.sin(2 * np.pi * (0.5 + 0.4 * t) * t))
     plant = FittedPlant(elbow, [recording], 1 / elbow.period_s)

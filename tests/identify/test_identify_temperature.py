@@ -21,7 +21,6 @@ from esea_gen.identify.notes import temperature_notes
 from esea_gen.identify.recording.conditions import searched_factor
 from esea_gen.model.family import Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
-from tests.conftest import require_tool
 from tests.identify.test_recordings import MAPPING
 from tests.rigs import says, table
 
@@ -75,7 +74,6 @@ THREE = {15.0: "cycles", 23.0: "cycles", 31.0: "cycles"}
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    require_tool("gcc")
     return identify_member(recorded(tmp_path_factory.mktemp("warm"), THREE), MODEL)
 
 
@@ -120,7 +118,6 @@ def errors(folder: Path, stated: bool) -> tuple[float, float]:
 
 def test_a_temperature_left_out_is_predicted(tmp_path):
     """As well as those that train; without the factor 19 to 31 degC cost 4.8 % of the torque."""
-    require_tool("gcc")
     (without, _), (held_out, trained) = (errors(tmp_path / str(s), s) for s in (False, True))
     _, theta = motion()
     assert without > 0.9 * np.sqrt(np.mean((0.048 * (rubber(theta, 23.0) + 0.06)) ** 2)) > 0.03
@@ -151,7 +148,6 @@ def test_too_near_or_one_temperature_tells_nothing(tmp_path, uses, said):
 
 def test_no_change_is_not_told_from_none(tmp_path):
     """Of a rubber without one: the interval holds 0, and the note says so."""
-    require_tool("gcc")
     done = identify_member(recorded(tmp_path, THREE, 0.0, status="assumed"), MODEL)
     assert abs(done.fitted.temperature.per_K) < 4 * done.sigma_per_K < 2e-4
     assert done.device.file.family.temperature.per_K.status == "assumed"

@@ -29,7 +29,7 @@ from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.runs import run_c
 from esea_gen.verify.streams import streams
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.ci
 
@@ -98,7 +98,6 @@ def recording(label: str, theta, tau, trained: float = 0.7) -> Recording:
 
 
 def made_by_the_inverse(elbow: Device, noise_rad: float = 0.0) -> Recording:
-    require_tool("gcc")
     runner = compile_block(published_inverse(elbow, kappa=0.12, phi=3.0, chi=0.004))
     t = np.arange(8000) * 0.0125
     tau = 4 * np.sin(2 * np.pi * 0.05 * t) * (0.5 + 0.5 * np.sin(2 * np.pi * 0.013 * t))
@@ -146,7 +145,6 @@ def test_standard_deviations_cover_and_phi_is_called_unidentifiable(elbow, noisy
 
 def excitations(elbow: Device) -> list[Recording]:
     """The three of the thesis, from the forward model; every sample trains."""
-    require_tool("gcc")
     sensor = compile_device(elbow, "f64").block("sensor")
     t = np.arange(100_000) * 1e-3
     out = [("slow", np.deg2rad(10) * np.sin(2 * np.pi * 0.01 * t))]
@@ -205,7 +203,6 @@ def test_refit_refuses_what_it_cannot_do(elbow):
 
 
 def test_identify_with_inverse_writes_the_section(tmp_path):
-    require_tool("gcc")
     arguments = ["identify", str(HDRB), "--inverse", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "i.json")])
     assert done.exit_code == 0, done.output
@@ -246,7 +243,6 @@ class WithInverse(Device):
 
 @pytest.fixture(scope="module")
 def inverting(elbow) -> WithInverse:
-    require_tool("gcc")
     return WithInverse(elbow.file, elbow.origin)
 
 

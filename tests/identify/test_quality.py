@@ -10,7 +10,7 @@ import pytest
 from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.quality import jumps
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.rigs import refused, rig, written
 
 DATA = ROOT / "tests" / "data" / "hdrb"
@@ -75,7 +75,6 @@ def test_of_a_torque_that_is_held_its_own_values_train(tmp_path, every):
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory):
-    require_tool("gcc")
     result = identify_member(written(tmp_path_factory.mktemp("clean"), *rig()), "stops")
     assert not [n for n in result.notes if "Quality" in n]
     assert {q.status for k, q in result.device.quantities() if "weight" in k} == {"identified"}

@@ -11,7 +11,6 @@ from esea_gen.identify import load_mapping, load_recordings
 from esea_gen.identify.family.identification import identify_member
 from esea_gen.identify.recording.cycles import Cycle
 from esea_gen.identify.recording.quality import backlash_rad, offset_Nm, runs, spikes, stuck
-from tests.conftest import require_tool
 from tests.identify.test_quality import DATA, found, held_out
 from tests.rigs import rig, written
 
@@ -21,7 +20,6 @@ ENDS = 310, 555, 900, 1100, 1333
 @pytest.mark.parametrize("width", [5, 10])
 def test_five_wide_spikes_change_nothing(tmp_path, width):
     """Full scale from 2.9 to 15 Nm, and a held-out error that seemed better for it."""
-    require_tool("gcc")
     t, x, y = rig()
     clean = identify_member(written(tmp_path, t, x, y), "stops")
     for at, size in zip(ENDS, (15, -9, 12, 12, -15), strict=True):

@@ -29,7 +29,7 @@ from esea_gen.studies.uncertainty.motions import (
     identified_spread,
     motions,
 )
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.observed import filtered
 
 DATA = ROOT / "tests" / "data" / "hdrb"
@@ -46,7 +46,6 @@ def cubic(elbow) -> Device:
 
 @pytest.fixture(scope="module")
 def found(elbow):
-    require_tool("gcc")
     return study.torque_uncertainty(elbow, 16, 3, limit_s=SHORT_S)
 
 
@@ -58,7 +57,6 @@ def slope(theta: np.ndarray) -> np.ndarray:
 
 @pytest.mark.ci
 def test_quantisation_of_a_spring_is_first_order(cubic):
-    require_tool("gcc")
     found = study.torque_uncertainty(
         cubic, 24, spread=Spread((), np.zeros((0, 0)), "none"), limit_s=30.0
     )
@@ -103,7 +101,6 @@ def test_quantisation_of_a_spring_is_first_order(cubic):
 
 @pytest.mark.ci
 def test_nonlinearity_is_bounded_by_its_amplitude(cubic):
-    require_tool("gcc")
     nothing = Spread((), np.zeros((0, 0)), "none")
     found = study.torque_uncertainty(cubic, 10, spread=nothing, residual_deg=0.2, limit_s=SHORT_S)
     moves = motions(cubic, SHORT_S)
@@ -163,7 +160,6 @@ def test_encoders_count_and_bend(elbow):
 
 
 def test_the_continuous_model_has_converged(elbow):
-    require_tool("gcc")
     from scipy.interpolate import CubicSpline
 
     t = np.arange(3000) * 1e-3
@@ -179,7 +175,6 @@ def test_the_continuous_model_has_converged(elbow):
 
 @pytest.mark.ci
 def test_identified_spread_is_the_identifications_own(tmp_path):
-    require_tool("gcc")
     # A small search is enough here: any device near the optimum has a covariance.
     mapping = tmp_path / "map.toml"
     text = (DATA / "hdrb.toml").read_text() + "\n[search]\npopulation = 16\n"
@@ -222,7 +217,6 @@ def test_assumed_spread_has_its_share_and_stays_in_bounds(elbow):
 
 
 def test_the_command(tmp_path, monkeypatch):
-    require_tool("gcc")
     monkeypatch.setattr(room, "SIGNALS", tuple(replace(s, duration_s=5.0) for s in room.SIGNALS))
     files = {"json": tmp_path / "u.json", "figure": tmp_path / "u.png"}
     arguments = ["uncertainty", "elbow", "--runs", "2", "--seed", "7"]

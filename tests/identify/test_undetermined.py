@@ -20,7 +20,6 @@ from esea_gen.identify.notes import temperature_notes, told_apart_notes
 from esea_gen.identify.recording.resampling import FitRows, resampled
 from esea_gen.model.family import FittedMember, Member, Rise, Term
 from esea_gen.model.temperature import TemperatureFactor
-from tests.conftest import require_tool
 from tests.identify.test_identify_temperature import THREE, motion, recorded, springs
 from tests.identify.test_recordings import MAPPING
 from tests.rigs import table
@@ -63,7 +62,6 @@ def rig(folder: Path, amplitudes: tuple[float, ...], softens: bool = False) -> P
 @pytest.mark.parametrize("name", ["stops, strain", "slips, strain"])
 def test_softening_that_no_row_shows_is_not_invented(tmp_path, name):
     """0.1, then 0.05 rad: after the first quarter of a cycle the memory stands still."""
-    require_tool("gcc")
     done = identify_member(rig(tmp_path, (0.1, 0.05)), name)
     assert not any(t.softening for _, t in done.fitted.used)
     assert done.fitted.weights_Nm[0] == pytest.approx(12 * 0.1, rel=0.05)
@@ -82,7 +80,6 @@ def test_softening_that_no_row_shows_is_not_invented(tmp_path, name):
 
 def test_softening_that_amplitudes_show_is_found(tmp_path):
     """0.05, then 0.1 rad: the memory grows, and the fit tells it from a stiffer spring."""
-    require_tool("gcc")
     done = identify_member(rig(tmp_path, (0.05, 0.1), softens=True), "stops, strain")
     assert "not seen" not in "\n".join(done.notes)
     soft = sum(w for w, t in done.fitted.used if t.kind == "spring" and t.softening)
@@ -92,7 +89,6 @@ def test_softening_that_amplitudes_show_is_found(tmp_path):
 
 
 def test_a_stop_that_never_slips_is_a_spring(tmp_path):
-    require_tool("gcc")
     recordings = load_recordings(load_mapping(rig(tmp_path, (0.05, 0.1))))
     form = next(m for m in members() if m.name == "stops")
     terms = UnitTerms(form, recordings, PER)
@@ -215,7 +211,6 @@ def kelvins(folder: Path, uses: dict[float, str], seeds: range) -> tuple[np.ndar
 @pytest.mark.parametrize("uses", USES.values(), ids=USES)
 def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, uses):
     """With two temperatures one condition left out leaves one: that is no deviation."""
-    require_tool("gcc")
     error, said = kelvins(tmp_path, uses, range(20))
     assert 0.6 < np.sqrt(np.mean((error / said) ** 2)) < 1.6
     assert 0.6 < np.sqrt(np.mean(error**2) / np.mean(said**2)) < 1.6
@@ -223,7 +218,6 @@ def test_the_interval_of_the_change_a_kelvin_is_as_wide_as_its_error(tmp_path, u
 
 def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
     """A rubber that loses 9 % a kelvin: the factor would be below 0.2."""
-    require_tool("gcc")
     recordings = load_recordings(load_mapping(recorded(tmp_path, THREE, -0.09, law=springs)))
     fitted = fit_member(UnitTerms(FORM, recordings, PER), recordings, 3.0)
     factor = fitted.temperature
@@ -237,7 +231,6 @@ def test_a_change_at_the_end_of_the_search_is_called_out(tmp_path):
 
 
 def test_the_result_is_json_where_a_number_is_not_determined(tmp_path):
-    require_tool("gcc")
     done = identify_member(rig(tmp_path, (0.05, 0.1)), "stops")
     first, *rest = done.sigma
     unknown = replace(done, sigma={first: np.inf, **{k: done.sigma[k] for k in rest}})

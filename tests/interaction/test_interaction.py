@@ -21,7 +21,6 @@ from esea_gen.studies.tracking import Grid
 from esea_gen.twin.case import OFF, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
-from tests.conftest import require_tool
 from tests.own_device import own_text
 from tests.studies.test_tune import command
 
@@ -29,7 +28,6 @@ U_MAX_NM = 0.221
 
 
 def pushed(hand: Hand, kp: float, kd: float, plant: str = "real", **options):
-    require_tool("gcc")
     case = push_case(controller_device("smc"), hand, kp, kd, **options)
     return run_case(case, Setting("smc", plant, "ideal"), 0)
 
@@ -79,7 +77,6 @@ def test_a_drive_that_is_off_is_passive_with_every_hand():
 
 @pytest.fixture(scope="module")
 def study():
-    require_tool("gcc")
     hands = (Hand("light", 0.1, 0.5, 30.0), Hand("arm", 0.2, 0.5), Hand("firm", 0.4, 0.5, 300.0))
     return study_interaction("smc", points=2, hands=hands, sliding=False)
 
@@ -166,7 +163,6 @@ def test_counts_agree_with_counting(s, active, limited):
 @pytest.mark.filterwarnings("ignore:.*designed for")
 def test_what_is_outside_agrees_with_the_controllers_own_flag(tmp_path):
     """The C sets LAYER_LEFT itself, in its own number format; a faster sensor changes nothing."""
-    require_tool("gcc")
     cases = (("grid", "3 Nm 1 Hz"),)
     wide, narrow = check_sliding("smc", ("ideal",), cases)
     assert (wide.phi_rad_s, narrow.phi_rad_s) == (1.5, pytest.approx(0.15))

@@ -28,7 +28,6 @@ from esea_host.study.plan import build_plan
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.task import Situation, TaskBrokenError, task_named
-from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
 
@@ -207,16 +206,11 @@ def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_pa
 # -- rig and people -------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def gcc():
-    require_tool("gcc")
-
-
 FREE = Limb(0.003, 0.0, 0.0, 0.0, -1.4, 1.0)
 LIMP = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def test_a_hand_on_the_spring_is_an_oscillator(gcc):
+def test_a_hand_on_the_spring_is_an_oscillator():
     """Published stiffness, no damping: its period, and its way by the closed form."""
     k, inertia = math.degrees(0.0502), FREE.inertia_kgm2 + HANDLE_KGM2
     rig = ElementRig("spring", FREE)
@@ -233,7 +227,7 @@ def test_a_hand_on_the_spring_is_an_oscillator(gcc):
     assert np.array_equal(read, np.float32(counts * 2 * np.pi / 2**14).astype(float))
 
 
-def test_more_than_the_law_knows_is_refused(gcc):
+def test_more_than_the_law_knows_is_refused():
     rig = ElementRig("spring", FREE)
     for _ in range(5):
         rig.advance((8.0, 0.5, 0.3, 0.3, 9.0))
@@ -241,7 +235,7 @@ def test_more_than_the_law_knows_is_refused(gcc):
         _ = [rig.advance((20.0, 0.5, 0.6, 0.6, 9.0)) for _ in range(100)]
 
 
-def test_what_is_known_of_the_rig_is_what_the_firmware_makes_of_it(gcc):
+def test_what_is_known_of_the_rig_is_what_the_firmware_makes_of_it():
     """A tick of its clock each millisecond; in its fault a frozen angle is not recorded."""
     rig = ElementRig("elastomer", FREE)
     muscle = (8.0, 0.3, 0.1, 0.1, 3.0)
@@ -257,7 +251,7 @@ def test_what_is_known_of_the_rig_is_what_the_firmware_makes_of_it(gcc):
     assert rig.advance(muscle)[-1] == rig.theta_rad != 0
 
 
-def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
+def test_a_person_brings_a_lost_paddle_back_after_a_while():
     who = person(np.random.default_rng(1), PersonModel())
     task, state = begun("pong")
     situation = Situation(state.parameters, "spring", (), 1)
@@ -274,7 +268,7 @@ def test_a_person_brings_a_lost_paddle_back_after_a_while(gcc):
     assert when == pytest.approx(3.0, abs=0.1)
 
 
-def test_the_trial_says_which_element_is_in_and_only_whole_trials_are_kept(gcc, tmp_path):
+def test_the_trial_says_which_element_is_in_and_only_whole_trials_are_kept(tmp_path):
     source = RigSource(person(np.random.default_rng(1), PersonModel()), tmp_path)
     for element in ("elastomer", "spring"):
         task, state = begun("tracking", element=element)
@@ -300,7 +294,7 @@ def short(seed=1, seconds=8.0):
 
 
 @pytest.fixture(scope="module")
-def studied(tmp_path_factory, gcc):
+def studied(tmp_path_factory):
     folder = tmp_path_factory.mktemp("interaction") / "s"
     told = []
     assert run_crossover(folder, 2, 1, protocol=short(), last_s=5.0, say=told.append) == []
@@ -350,7 +344,7 @@ def test_it_ends_in_the_analysis_and_says_what_it_is(studied):
 
 
 @pytest.mark.ci
-def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
+def test_the_number_of_workers_changes_nothing(tmp_path):
     """And another seed does.  Threads, who share more than processes do."""
     found = []
     for name, seed, jobs in (("a", 1, 1), ("b", 1, 2), ("c", 2, 1)):
@@ -378,7 +372,7 @@ def test_a_person_who_stopped_early_is_left_out_by_name(studied, tmp_path):
 
 
 @pytest.mark.ci
-def test_the_command(monkeypatch, capsys, tmp_path, gcc):
+def test_the_command(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("esea_host.interaction.virtual.interaction_protocol", short)
     monkeypatch.setattr("esea_host.interaction.virtual.LAST_S", 5.0)
     answer = tmp_path / "answer.json"

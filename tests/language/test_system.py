@@ -15,7 +15,6 @@ from esea_gen.language.alike import alike
 from esea_gen.language.block import Block
 from esea_gen.language.ports import Flag, Port, Tunable, flag_word
 from esea_gen.language.system import System, Task
-from tests.conftest import require_tool
 
 
 def summing(period_s: float, name: str = "fast", gain: bool = False) -> Block:
@@ -126,7 +125,6 @@ def test_latched_values_do_not_depend_on_preemption(release):
 @pytest.mark.parametrize("gain", [True, False])
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, lateness: int):
-    require_tool("gcc")
     system = two_rates(3, gain)
     board = compile_system(system, real).board()
     simulator = system.simulator()
@@ -187,7 +185,6 @@ def test_order_inside_a_task_is_checked():
 
 
 def test_one_block_may_stand_behind_two_instances():
-    require_tool("gcc")
     block = summing(1e-3, gain=True)
     system = System(
         "pairs",

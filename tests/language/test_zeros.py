@@ -12,7 +12,6 @@ from esea_gen.verify.compare import compare
 from esea_gen.verify.executor import exact_trajectory
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import streams
-from tests.conftest import require_tool
 from tests.made_up import made, port
 from tests.own_device import own_device
 
@@ -43,7 +42,6 @@ def bits(values):
 
 @pytest.mark.parametrize("flags", [(), ("-O0",), ("-O3",), ("-Os",)])
 def test_f64_takes_the_second_of_two_equal_zeros(flags):
-    require_tool("gcc")
     library = compile_system(block_system(ties()), "f64", flags)
     y, _ = run_c(library.block("ties"), Stream("ties", {"x": LEFT, "y": RIGHT}))
     least = np.array([a if a < b else b for a, b in zip(LEFT, RIGHT, strict=True)])
@@ -55,7 +53,6 @@ def test_f64_takes_the_second_of_two_equal_zeros(flags):
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_both_peers_agree_on_every_zero(real):
-    require_tool("gcc")
     system = block_system(ties())
     library, block = compile_system(system, real), system.blocks["ties"]
     oracle = CasadiOracle(system) if real == "f64" else None
@@ -65,7 +62,6 @@ def test_both_peers_agree_on_every_zero(real):
 
 
 def test_limits_of_another_control_rate_give_casadis_bits():
-    require_tool("gcc")
     device = own_device(timing={"control_rate_Hz": 500.0})
     block = device.system.blocks["limits"]
     system = block_system(block)

@@ -29,11 +29,6 @@ CFLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
 @pytest.fixture(scope="module")
-def elbow():
-    return load_device("elbow")
-
-
-@pytest.fixture(scope="module")
 def bundle(elbow):
     return dialect.render_dialect(elbow)
 

@@ -17,13 +17,12 @@ from esea_host.cli import main
 from esea_host.simulated import SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 from tests.conducted import TRACKING, of_tasks, study_of
-from tests.conftest import require_tool, until
+from tests.conftest import until
 
 
 @pytest.fixture
 def address(tmp_path, monkeypatch, busy_machine):
     """A simulated board behind a socket, of this test alone; the user's folder is empty."""
-    require_tool("gcc")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
     board = SimulatedBoard("elbow_drive")

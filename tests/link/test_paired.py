@@ -10,14 +10,9 @@ from pymavlink.dialects.v20 import common
 
 from esea_gen.link.signing import read_key
 from esea_gen.link.transport import LinkError
-from tests.sim_drive import ANGLES, active, powered_on, zeroed
+from tests.sim_drive import ANGLES, active, zeroed
 
 pytestmark = pytest.mark.ci
-
-
-@pytest.fixture(scope="module")
-def powered(drive):
-    yield from powered_on(drive)
 
 
 @pytest.fixture

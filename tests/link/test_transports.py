@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from esea_gen.board.firmware import build_firmware
-from esea_gen.device import load_device
 from esea_gen.emit.dialect import load_dialect, render_dialect
 from esea_gen.link.session import Session
 from esea_gen.link.transport import (
@@ -28,17 +27,10 @@ from esea_gen.link.transport import (
     TcpTransport,
     open_transport,
 )
-from tests.conftest import require_tool
-
-
-@pytest.fixture(scope="module")
-def elbow():
-    return load_device("elbow")
 
 
 @pytest.fixture(scope="module")
 def native(elbow, tmp_path_factory):
-    require_tool("gcc")
     return build_firmware(elbow, "host", tmp_path_factory.mktemp("host"))
 
 

@@ -18,7 +18,6 @@ from esea_gen.hostlib.library import CRunner, compile_system
 from esea_gen.language.block import Block
 from esea_gen.language.system import System, Task
 from esea_gen.model.encoder import FrameError, encoder, step_max_counts
-from tests.conftest import require_tool
 from tests.own_device import own_text, q
 
 BITS = {
@@ -69,7 +68,6 @@ def reading(device: Device, *blocks: Block) -> System:
 
 
 def compiled(device: Device, real: str, side: str = "motor") -> CRunner:
-    require_tool("gcc")
     block = encoder(device, side)
     return compile_system(reading(device, block), real).block(block.name)
 

@@ -24,7 +24,6 @@ from esea_gen.model.family_sensor import family_sensor, unit_terms
 from esea_gen.model.rubber import fitted_of
 from esea_gen.verify.fixed import compare_fixed
 from esea_gen.verify.streams import streams
-from tests.conftest import require_tool
 
 LINEAR, CUBIC, BENT = Rise("power", 1), Rise("power", 3), Rise("bend", 0.4)
 H = 0.01
@@ -139,7 +138,6 @@ def least_work(x: np.ndarray, torque: np.ndarray) -> tuple[np.ndarray, np.ndarra
 @pytest.fixture(scope="module")
 def every_term():
     """The emitted C of every term of every candidate."""
-    require_tool("gcc")
     block = unit_terms(Member("every", "every", EVERY), H)
     wires = {"theta_rad": ("terms.theta_rad",)}, {"terms_Nm": "terms.terms_Nm"}
     system = System("every", H, {"terms": block}, (Task("run", ("terms",)),), {}, *wires)
@@ -252,7 +250,6 @@ def family_device(base: Device, name: str) -> Device:
 @pytest.mark.ci
 def test_the_whole_number_c_is_its_executor(hdrb_device):
     """One operator of each kind, both softenings."""
-    require_tool("gcc")
     strain, path = Softening("strain", 0.3), Softening("path", 8.0)
     terms = (
         Term("spring", LINEAR),

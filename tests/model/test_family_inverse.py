@@ -25,7 +25,6 @@ from esea_gen.verify.bounds import forward_residual
 from esea_gen.verify.fixed import RawExecutor, bounds_of, compare_fixed, raw_stream, states_before
 from esea_gen.verify.runs import run_symbolic
 from esea_gen.verify.streams import streams
-from tests.conftest import require_tool
 from tests.control.test_predictive_family import BEARING
 from tests.model.test_family_device import EVERY, drive
 
@@ -173,7 +172,6 @@ def fixed(devices):
 
     Six steps in place of twelve: these streams need five, and the plan is found in half the time.
     """
-    require_tool("gcc")
     device = devices["every"]
     block = family_inverse(device, fitted_of(device), steps=6)
     plan = plan_block(block)
@@ -220,7 +218,6 @@ def test_the_sensor_feels_what_was_asked_for(fixed):
 @pytest.mark.ci
 def test_every_block_of_a_drive_with_a_member(elbow):
     """The bearing's rubber on the elbow's drive, each Block of both tasks."""
-    require_tool("gcc")
     device = parse_device(drive(family_device(elbow, BEARING, "drawn")), "bearing_smc.toml")
     library = compile_system(device.system, "q31")
     for block in device.system.kinds:

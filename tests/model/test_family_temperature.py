@@ -23,7 +23,6 @@ from esea_gen.identify.family.identification import family_device
 from esea_gen.model.family import FittedMember, Member, Rise, Softening, Term
 from esea_gen.model.rubber import fitted_of, rubber_inverse
 from esea_gen.model.temperature import TemperatureFactor
-from tests.conftest import require_tool
 from tests.control.test_predictive import situation
 from tests.control.test_predictive_family import FamilyPlain
 from tests.devices.test_devices import conforms
@@ -85,7 +84,6 @@ def sensed(device: Device, real: str, **tunables: float) -> np.ndarray:
 @pytest.mark.parametrize(("real", "rounding"), [("f64", 1e-14), ("f32", 3e-7)])
 def test_the_c_at_a_temperature_is_the_factor_times_that_at_the_reference(warm, real, rounding):
     """But for the offset; rounding is of the largest torque, some 4 Nm."""
-    require_tool("gcc")
     usual, hot = sensed(warm, real), sensed(warm, real, **HOT)
     expected = FACTOR * (usual - OFFSET_Nm) + OFFSET_Nm
     assert np.ptp(usual) > 2
@@ -97,7 +95,6 @@ def test_the_c_at_a_temperature_is_the_factor_times_that_at_the_reference(warm, 
 
 def test_whole_numbers_are_within_their_bound_at_a_temperature(elbow):
     """Of the C at 31 degC against the weights by hand in float64, by the bound derived there."""
-    require_tool("gcc")
     device = family_device(elbow, replace(FEW, temperature=WARM), "drawn")
     hand = family_device(elbow, scaled(FEW, FACTOR), "drawn")
     (knob,) = device.sensor.tunables
@@ -193,7 +190,6 @@ def test_what_is_written_is_read_back(warm):
 
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_an_fmu_knows_that_0_degC_is_no_0_K(warm, fmi):
-    require_tool("gcc")
     text = make_fmu(block_model(warm, "sensor"), fmi).files["modelDescription.xml"].decode()
     assert '<BaseUnit K="1" offset="273.15"/>' in text
     assert 'unit="degC"' in text

@@ -11,7 +11,6 @@ from esea_gen.identify.family.fit import UnitTerms, fit_member, misfits_of, trai
 from esea_gen.identify.recording.cycles import DataSet
 from esea_gen.identify.recording.recorded import Recording
 from esea_gen.model.family import Member, Rise, Term
-from tests.conftest import require_tool
 
 LINEAR, CUBIC = Term("spring"), Term("spring", Rise("power", 3))
 OFFSET = Term("offset")
@@ -116,7 +115,6 @@ def test_a_change_by_temperature_is_found_and_leaves_the_offset():
 
 
 def test_terms_run_over_recordings_on_a_grid_only_where_time_counts():
-    require_tool("gcc")
     t = np.array([0.0, 0.031, 0.094, 0.2, 0.43, 0.5, 0.7777])
     ramp = replace(recorded(0.05 * t, 0 * t), time_s=t)
     timed = UnitTerms(member(LINEAR, Term("maxwell", numbers=(0.3,))), [ramp], 200.0)

@@ -17,7 +17,6 @@ from esea_gen.language.stream import single
 from esea_gen.model.cubic import cubic_root
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.studies.uncertainty.motions import SIGNALS
-from tests.conftest import require_tool
 from tests.model.test_elastomer import P
 
 LIMIT_NM = {"f64": 1e-9, "f32": 1e-5}
@@ -27,7 +26,6 @@ class Pair:
     """An exact inverse and the sensor it inverts, both compiled."""
 
     def __init__(self, device: Device, real: str, block: Block | None = None) -> None:
-        require_tool("gcc")
         self.device, self.block = device, block or exact_inverse(device)
         self.inverse = compile_block(self.block, real)
         self.sensor: CRunner = compile_device(device, real).block("sensor")

@@ -19,7 +19,6 @@ from esea_gen.language.system import System, Task
 from esea_gen.observe.disturbance import bandwidth_limit_1_s, drive_observer
 from esea_gen.observe.human import error_matrix, extended_state, lag_observer
 from esea_gen.observe.rates import STATE_ROOM, filter_delay_s, load_rate, motor_rate
-from tests.conftest import require_tool
 
 H = 1e-3
 N, J, FV, FC, WIDTH, TAU_C, JH = 74.0, 0.663, 0.5551, 0.4688, 0.05, 0.03488, 0.22
@@ -57,7 +56,6 @@ def observers(device: Device) -> System:
 
 @pytest.fixture(scope="module")
 def libraries(drive):
-    require_tool("gcc")
     return {real: compile_system(observers(drive), real) for real in ("f64", "f32")}
 
 

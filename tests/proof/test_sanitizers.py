@@ -29,7 +29,6 @@ def broken(files, old, new, name="esea_elbow_sensor.c"):
 
 @pytest.mark.parametrize("real", ["f32", "f64"])
 def test_no_undefined_behaviour(elbow, real):
-    require_tool("gcc")
     found = undefined_behaviour(elbow, real)
     assert found.reports == ()
     assert found.runs >= 19
@@ -47,7 +46,6 @@ def test_no_undefined_behaviour(elbow, real):
     ],
 )
 def test_undefined_behaviour_is_seen(elbow, files, old, new, said):
-    require_tool("gcc")
     found = undefined_behaviour(elbow, "f32", broken(files, old, new), 200, ["sensor"])
     assert any(said in text for text in found.reports), found.reports
     assert not found.passed
@@ -55,7 +53,6 @@ def test_undefined_behaviour_is_seen(elbow, files, old, new, said):
 
 @pytest.mark.parametrize("real", ["f32", "f64"])
 def test_no_stray_access_and_the_same_bits(elbow, real):
-    require_tool("gcc")
     found = replay_device(elbow, real, "address")
     assert found.reports == ()
     assert found.differences == ()
@@ -81,7 +78,6 @@ def test_no_stray_access_and_the_same_bits(elbow, real):
     ],
 )
 def test_a_stray_access_is_seen(elbow, files, old, new, said):
-    require_tool("gcc")
     found = replay_device(elbow, "f32", "address", broken(files, old, new), 200, ["sensor"])
     assert any(said in text for text in found.reports), found.reports
 
@@ -94,7 +90,6 @@ def test_a_stray_access_is_seen(elbow, files, old, new, said):
     ],
 )
 def test_memory_that_nobody_wrote_is_seen(elbow, files, old, new):
-    require_tool("gcc")
     found = replay_device(elbow, "f32", "address", broken(files, old, new), 200, ["sensor"])
     assert found.differences
 

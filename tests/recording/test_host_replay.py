@@ -12,7 +12,6 @@ from esea_gen.errors import UserError
 from esea_host.recording import RecordingState
 from esea_host.recording.replay import device_of, verify
 from esea_host.simulated import LockstepDevice, SimulatedBoard
-from tests.conftest import require_tool
 
 
 @pytest.fixture(scope="module", params=["sim", pytest.param("sim-q31", marks=pytest.mark.ci)])
@@ -22,7 +21,6 @@ def recorded(request, tmp_path_factory):
         board = request.getfixturevalue("simulated_elbow")
         board.restart()
     else:
-        require_tool("gcc")
         board = SimulatedBoard("elbow_drive", board=request.param)
     device = LockstepDevice(board)
     path = tmp_path_factory.mktemp("log") / "a.mcap"

@@ -22,7 +22,7 @@ from esea_gen.twin.case import Setting
 from esea_gen.verify import equivalence
 from esea_gen.verify.streams import streams
 from tests.browser import browser, readable
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.own_device import own_text
 from tests.report.test_report import Page, shorten
 
@@ -38,7 +38,6 @@ def elbow_drive(drive):
 @pytest.fixture(scope="module")
 def findings(elbow_drive):
     """The shipped drive, one compared experiment, its board left out."""
-    require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
         shorten(patch)
         # Shorter still: a drive has many Blocks.

@@ -93,14 +93,12 @@ def mapping(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def identification(mapping: Path) -> Identification:
-    require_tool("gcc")
     return identify(mapping)
 
 
 @pytest.fixture(scope="module")
 def chirped(elbow: Device) -> Report:
     """The elbow without a recording, its board left out: that has a test of its own."""
-    require_tool("gcc")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(builder, "run_board", no_board)
         patch.setattr(sensing, "domain_chirp", ramp)

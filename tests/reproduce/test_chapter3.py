@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from esea_gen.reproduce.torque_model import reproduce_chapter3
-from tests.conftest import require_tool
 from tests.model.test_elastomer import P
 from tests.observed import filtered
 
 
 @pytest.fixture(scope="module")
 def chapter3():
-    require_tool("gcc")
     return reproduce_chapter3()
 
 

@@ -15,7 +15,6 @@ from esea_gen.reproduce.discretisation import (
     continuous_torque,
 )
 from esea_gen.reproduce.torque_model import reproduce_chapter4
-from tests.conftest import require_tool
 from tests.model.test_elastomer import P, viscosity
 
 # What an independent computation of the same tables gave.
@@ -29,7 +28,6 @@ EXPECTED_RMS = {
 
 @pytest.fixture(scope="module")
 def chapter4():
-    require_tool("gcc")
     said: list[str] = []
     result = reproduce_chapter4(said.append)
     assert len(said) > 40
@@ -74,12 +72,10 @@ def test_exact_inverse_is_exact(chapter4):
 
 @pytest.fixture(scope="module")
 def tables():
-    require_tool("gcc")
     return SensorDiscretisation().run(lambda _: None, None)
 
 
 def test_continuous_torque_against_an_adaptive_integrator(elbow):
-    require_tool("gcc")
     motion = EncodedMotion(10.0, 1.0, 4.0)
     got = continuous_torque(elbow, motion)
 

@@ -22,7 +22,7 @@ from esea_gen.studies.simulation import ClosedLoopStudy, default_person, simulat
 from esea_gen.twin.case import Setting
 from esea_gen.twin.loop_run import RanAwayError
 from esea_gen.twin.off import refuse_unknown
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 from tests.result_schemas import held
 
 pytestmark = pytest.mark.ci
@@ -47,7 +47,6 @@ def command(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
 
 
 def test_the_page_adds_a_study_with_one_file(tmp_path):
-    require_tool("gcc")
     before = sources()
     page = PAGE.read_text(encoding="utf-8")
     files = re.findall(r'```python title="([^"]+)"\n(.*?)```', page, re.S)
@@ -107,7 +106,6 @@ class Spy(ClosedLoopStudy):
 
 
 def test_workers_run_it_and_a_failure_is_no_instability(tmp_path):
-    require_tool("gcc")
     (tmp_path / "spy.py").write_text(SPY)
     arguments = [
         "simulate",
@@ -147,7 +145,6 @@ def test_a_plant_that_runs_away_is_unstable(monkeypatch):
     def leave(*_):
         raise RanAwayError("the plant left its ranges before 1 s")
 
-    require_tool("gcc")
     monkeypatch.setattr(room, "run_case", leave)
     done = simulate("tuning", Setting("smc"))
     (entry,) = done.cases()
@@ -162,7 +159,6 @@ def test_a_plant_that_runs_away_is_unstable(monkeypatch):
 
 
 def test_a_journal_gives_figures_and_a_second_look_gives_signals(tmp_path, monkeypatch):
-    require_tool("gcc")
     first = simulate("step", Setting("smc", "ideal"), folder=tmp_path)
     again = simulate("step", Setting("smc", "ideal"), folder=tmp_path)
     assert again.to_dict() == first.to_dict()
@@ -238,7 +234,6 @@ def test_a_study_without_its_method_is_told(tmp_path):
 
 
 def test_what_a_plant_or_device_has_not_is_refused():
-    require_tool("gcc")
     for study, setting, said in (
         ("twists", Setting("smc", "ideal"), "no cable_loss: its cable is rigid"),
         ("tuning", Setting("smc", axis="flexion"), r"one axis\. Leave --axis out"),

@@ -21,14 +21,8 @@ from esea_gen.twin.case import Case, Setting
 from esea_gen.twin.judge import judge
 from esea_gen.twin.loop_run import ClosedLoopRun
 from esea_gen.twin.run import run_case
-from tests.conftest import require_tool
 from tests.own_device import own_text
 from tests.typed import typed
-
-
-@pytest.fixture(scope="module", autouse=True)
-def compiler():
-    require_tool("gcc")
 
 
 def shorter(case: Case, seconds: float) -> Case:

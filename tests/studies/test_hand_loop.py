@@ -17,17 +17,11 @@ from esea_gen.twin.run import axis_of, compiled_loop, plant_variant, run_case, r
 from esea_gen.verify.faults.campaign import bound_ticks
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import SCENES, rig_of
-from tests.conftest import require_tool
 from tests.own_device import own_device, own_text
 
 DEVICE = load_device("wrist_drive")
 AXES = DEVICE.axes
 WALL = {"base": "wrist_drive", "name": "wrist_published", "impairment": {"wall": "published"}}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiler():
-    require_tool("gcc")
 
 
 @pytest.mark.parametrize("axis", [AXES[0], pytest.param(AXES[1], marks=pytest.mark.ci)])

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep import Trial, extremes, tune
-from tests.conftest import require_tool
 from tests.own_device import own_device, own_text
 from tests.typed import typed
 
@@ -104,7 +103,6 @@ def test_a_parameter_without_effect_is_not_chosen(monkeypatch):
 @pytest.mark.ci
 def test_the_printed_controller_needs_the_printed_layer_on_the_nominal_plant():
     """The thesis: phi was selected so that the surface did not saturate, at 1.5."""
-    require_tool("gcc")
     (sweep,) = tune("smc-published", "ideal", parameter="phi_rad_s", values=(2.0, 1.0, 1.5)).sweeps
     assert [t.value for t in sweep.trials] == [1.0, 1.5, 2.0]
     assert sweep.chosen is not None
@@ -115,7 +113,6 @@ def test_the_printed_controller_needs_the_printed_layer_on_the_nominal_plant():
 
 
 def test_a_steeper_surface_has_less_error_until_it_overshoots(tmp_path):
-    require_tool("gcc")
     code, shown, error = command(
         "tune",
         "--parameter",
@@ -148,7 +145,6 @@ def test_a_steeper_surface_has_less_error_until_it_overshoots(tmp_path):
 
 
 def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
-    require_tool("gcc")
     found = tune("smc", "ideal", parameter="lead", values=(1.0, 2.0))
     assert found.device_lines() == []
     assert found.table()[-1] == "At run time: smc.lead = 2."
@@ -158,7 +154,6 @@ def test_a_tunable_without_a_key_is_to_be_set_at_run_time():
 
 @pytest.mark.ci
 def test_the_axis_that_moves_is_tuned():
-    require_tool("gcc")
     found = tune("wrist_drive", "ideal", parameter="smc_flexion.lambda_1_s", values=(5.0, 9.0))
     assert found.device_lines()[0] == "[sliding_mode]"
 

@@ -24,7 +24,7 @@ from esea_host.study.session import read_session
 from tests.assess.test_assess import made_up
 from tests.assess.test_assess_tasks import PROTOCOL
 from tests.conducted import Stepped, headless
-from tests.conftest import ROOT, require_tool
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.ci
 HOST = ROOT / "host" / "esea_host"
@@ -263,7 +263,6 @@ def test_a_day_of_the_wrist_study(day, monkeypatch):
 
 def test_a_day_of_the_interaction_study(day):
     """On the virtual rig, two people, one in each group."""
-    require_tool("gcc")
     text = (HOST / "interaction" / "protocol.toml").read_text()
     for old, new in (("75.0", "46.0"), ("30.0", "5.0")):
         text = text.replace(f"seconds = {old}", f"seconds = {new}")
@@ -287,7 +286,6 @@ def test_a_day_of_the_interaction_study(day):
 
 def test_a_day_of_the_knee_assessment(day, tmp_path):
     """A visit as a session, and the probing at the clinician's own window."""
-    require_tool("gcc")
     base, study = tmp_path / "base.npz", day.folder / "s"
     made_up().save(base)
     text = KNEE.format(base=base)

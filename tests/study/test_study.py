@@ -20,18 +20,12 @@ from esea_host.study.fitting import uses_of
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import read_log
 from esea_host.study.plan import build_plan, explain, group_of
-from esea_host.study.protocol import Protocol, load_protocol, parse_protocol
+from esea_host.study.protocol import parse_protocol
 from esea_host.study.scene import Scene, Shape, Text
 from esea_host.study.session import StudySession, read_session, replay
 from esea_host.study.source import SimulatedSource
 from esea_host.study.task import Actor, TaskEvent, TrialOutcome, task_named
-from tests.conducted import EXAMPLE, changed, run_one, study_of
-
-
-@pytest.fixture(scope="module")
-def protocol() -> Protocol:
-    return load_protocol(EXAMPLE)
-
+from tests.conducted import EXAMPLE, changed, run_one
 
 # -- protocols -------------------------------------------------------------------------------------
 
@@ -109,11 +103,6 @@ def test_groups_are_balanced_after_every_pair(protocol):
 
 
 # -- sessions --------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def study(tmp_path, protocol) -> StudyFolder:
-    return study_of(tmp_path / "s", protocol)
 
 
 def test_a_session_leaves_rows_and_replays_to_the_same_scenes(study):

@@ -23,7 +23,6 @@ from esea_host.interaction.recordings import (
     read_angle,
     write_recording,
 )
-from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import serve_hosts
 from esea_host.study.board import WORKING, BoardSource
 from esea_host.study.conductor import HELD, Conductor
@@ -37,12 +36,6 @@ from tests.conducted import at_step, calibration, of_tasks, opening, study_of, u
 TRACKING = (
     'task = "interaction.tracking"\ntrials = [{ repeat = 2, parameters = { seconds = 1.0 } }]'
 )
-
-
-@pytest.fixture
-def lockstep(simulated_elbow) -> LockstepDevice:
-    simulated_elbow.restart()
-    return LockstepDevice(simulated_elbow)
 
 
 @pytest.fixture

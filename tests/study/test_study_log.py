@@ -17,22 +17,10 @@ from esea_host.study.exchange import omissions, to_bids, to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
 from esea_host.study.plan import build_plan
-from esea_host.study.protocol import Protocol, load_protocol
 from esea_host.study.repair import repair
 from esea_host.study.session import read_session
 from esea_host.study.source import SimulatedSource
-from tests.conducted import EXAMPLE, changed, run_one, study_of
-
-
-@pytest.fixture(scope="module")
-def protocol() -> Protocol:
-    return load_protocol(EXAMPLE)
-
-
-@pytest.fixture
-def study(tmp_path, protocol) -> StudyFolder:
-    return study_of(tmp_path / "s", protocol)
-
+from tests.conducted import changed, run_one, study_of
 
 # -- nothing lost ----------------------------------------------------------------------------------
 

@@ -19,19 +19,7 @@ from esea_host.study.scene import COLOURS, ON_WHITE, Scene, Shape, Text
 from esea_host.study.words import words_of
 from esea_host.windows.theme import BANNER_GROUND
 from esea_host.wrist.virtual import VirtualPerson, wrist_protocol
-from tests.conducted import TRACKING, beginning, ended, of_tasks, opening
-from tests.conftest import require_tool
-
-
-@pytest.fixture
-def begin(tmp_path):
-    yield from beginning(tmp_path / "s")
-
-
-@pytest.fixture
-def windows(qtbot):
-    return opening(qtbot)
-
+from tests.conducted import TRACKING, ended, of_tasks
 
 # -- time ------------------------------------------------------------------------------------------
 
@@ -170,7 +158,6 @@ def test_the_patch_changes_with_each_frame_or_at_an_onset(begin, windows, patch,
 @pytest.mark.ci
 def test_who_points_moves_the_hand_in_the_virtual_rig_and_it_is_recorded(tmp_path, begin):
     """Held half way to the right of 11.46 deg; the spring takes some of it."""
-    require_tool("gcc")
     who = person(np.random.default_rng(1), PersonModel())
     folder = tmp_path / "s" / "P01" / "session-1"
     ended(begin(of_tasks(TRACKING), RigSource(who, folder, lambda: (0.5, 0.0))))
@@ -209,7 +196,6 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
 
     from esea_host.windows.theme import DARK, LIGHT
 
-    require_tool("gcc")
     who = person(generator(1, 4, 0), PersonModel())
     conductor = begin(wrist_protocol(1), VirtualPerson(who), at=[(6, 3.2)])
     participant, operator = windows(conductor)
@@ -235,7 +221,6 @@ def test_pictures_of_a_calibration_for_the_manual(begin, windows, place):
 
 @pytest.mark.ci
 def test_pictures_of_the_game_for_the_manual(begin, windows, place):
-    require_tool("gcc")
     pong = 'task = "interaction.pong"\ntrials = [{ parameters = { seconds = 20.0 } }]'
     who = person(generator(1, 4, 0), PersonModel())
     conductor = begin(of_tasks(pong), RigSource(who, place / "s"), at=[(1, 15.0)])

@@ -27,27 +27,14 @@ from esea_host.windows.theme import BANNER_GROUND
 from tests.conducted import (
     EXAMPLE,
     TRACKING,
-    beginning,
     calibration,
     ended,
     headless,
     logged,
     of_tasks,
-    opening,
     study_of,
     until,
 )
-
-
-@pytest.fixture
-def begin(tmp_path):
-    yield from beginning(tmp_path / "s")
-
-
-@pytest.fixture
-def windows(qtbot):
-    return opening(qtbot)
-
 
 # -- the same session ------------------------------------------------------------------------------
 

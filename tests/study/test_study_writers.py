@@ -22,22 +22,11 @@ from esea_host.cli import app
 from esea_host.study.exchange import to_rows
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog, read_log
-from esea_host.study.protocol import Protocol, load_protocol
 from esea_host.study.repair import repair
 from esea_host.study.report import study_page
 from esea_host.study.session import read_session
 from esea_host.study.source import SimulatedSource
-from tests.conducted import EXAMPLE, run_one, study_of
-
-
-@pytest.fixture(scope="module")
-def protocol() -> Protocol:
-    return load_protocol(EXAMPLE)
-
-
-@pytest.fixture
-def study(tmp_path, protocol) -> StudyFolder:
-    return study_of(tmp_path / "s", protocol)
+from tests.conducted import run_one
 
 
 def forked(work) -> int:

@@ -16,7 +16,7 @@ from esea_host.cli import app
 from esea_host.study.folder import StudyFolder
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.words import ENGLISH, KeyedText, keyed, languages, words_of
-from tests.conducted import EXAMPLE, TRACKING, beginning, of_tasks, opening, until
+from tests.conducted import EXAMPLE, TRACKING, of_tasks, opening, until
 from tests.conftest import ROOT
 
 HOST = ROOT / "host" / "esea_host"
@@ -164,11 +164,6 @@ def test_a_keyed_text_is_english_in_the_record_and_what_it_holds_is_translated_t
     assert words_of("de").of(said) == "Durchgang 3 misslungen: Krampf"
     assert words_of("de").of("failed") == "failed"
     assert isinstance(said, KeyedText)
-
-
-@pytest.fixture
-def begin(tmp_path):
-    yield from beginning(tmp_path / "s")
 
 
 def test_nothing_in_the_operators_window_is_of_another_language(begin, qtbot):

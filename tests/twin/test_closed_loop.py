@@ -8,8 +8,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import esea_gen
-from esea_gen.device import Device
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.block import Block
@@ -19,7 +17,6 @@ from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import start_state
 from esea_gen.twin.trajectories import backdriven, fixed_sinusoid
-from tests.conftest import require_tool
 from tests.made_up import made, port
 
 STEP_RAD = 2 * math.pi / 4096
@@ -90,14 +87,8 @@ def controller(release: int | None = 1, phase: int = 0, vector: bool = False, **
 
 
 @pytest.fixture(scope="module")
-def device() -> Device:
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
-def loop(device) -> ClosedLoop:
-    return ClosedLoop(controller(), real_plant(device))
+def loop(drive) -> ClosedLoop:
+    return ClosedLoop(controller(), real_plant(drive))
 
 
 def signals_of(trajectory, ticks: int | None = None) -> dict:
@@ -164,8 +155,8 @@ def stream() -> dict:
 @pytest.mark.parametrize(
     ("real", "release", "phase"), [("f64", 1, 0), ("f64", None, 2), ("f32", 3, 4)]
 )
-def test_bit_for_bit(device, real, release, phase):
-    system, variant = controller(release, phase), random_plant(device, 11)
+def test_bit_for_bit(drive, real, release, phase):
+    system, variant = controller(release, phase), random_plant(drive, 11)
     tunables = {"law": {"gain": 3.0}}
     both = ClosedLoop(system, variant, real)
     run = both.run(stream(), controller_tunables=tunables)
@@ -191,7 +182,7 @@ def test_bit_for_bit(device, real, release, phase):
 # -- what goes in and what comes out --------------------------------------------------------------
 
 
-def test_a_run_follows_the_torque(device, loop):
+def test_a_run_follows_the_torque(drive, loop):
     trajectory = fixed_sinusoid(1.5, 0.25)
     run = loop.run(signals_of(trajectory), {"clamped": 1.0})
     assert len(run) == 32000
@@ -227,8 +218,8 @@ def test_runs_start_afresh_and_follow_the_seed(loop):
     assert np.array_equal(*quiet)
 
 
-def test_signals_may_be_vectors_and_may_hold_anything(device):
-    loop = ClosedLoop(controller(vector=True), real_plant(device))
+def test_signals_may_be_vectors_and_may_hold_anything(drive):
+    loop = ClosedLoop(controller(vector=True), real_plant(drive))
     assert loop.signals == {"tau_desired_Nm": 1, "offsets": 3}
     n = 400
     offsets = np.tile([0.01, 0.02, -0.005], (n, 1))
@@ -242,7 +233,7 @@ def test_signals_may_be_vectors_and_may_hold_anything(device):
         loop.run(signals | {"offsets": tau})
 
 
-def test_a_command_out_of_range_is_no_command(device):
+def test_a_command_out_of_range_is_no_command(drive):
     def step(c, s, u, guard, label):
         return {}, {"u_Nm": 1000 * u.command_Nm}
 
@@ -259,7 +250,7 @@ def test_a_command_out_of_range_is_no_command(device):
     )
     command = np.full(100, 1e-4)
     command[50:] = 0.9
-    run = ClosedLoop(system, ideal_plant(device)).run({"command_Nm": command})
+    run = ClosedLoop(system, ideal_plant(drive)).run({"command_Nm": command})
     assert np.all(run["u_Nm"][50:] == 900)
     assert not np.any(run["plant_status"][:51])
     assert np.all(run["plant_status"][51:] == 1)
@@ -305,8 +296,8 @@ def test_wrong_runs_are_refused(loop, change, words):
         loop.run(**(good | change))
 
 
-def test_wrong_loops_are_refused(device):
-    plant = ideal_plant(device)
+def test_wrong_loops_are_refused(drive):
+    plant = ideal_plant(drive)
     with pytest.raises(UserError, match="no scalar output u_Nm"):
         ClosedLoop(controller(outputs={"theta_rad": "front.theta_rad"}), plant)
     with pytest.raises(UserError, match="no number format 'f16'"):

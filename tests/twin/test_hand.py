@@ -19,15 +19,9 @@ from esea_gen.twin.mechanics import WORKS
 from esea_gen.twin.parameters import plant_tunables
 from esea_gen.twin.people import PlantVariant
 from esea_gen.twin.stepped import SteppedTwin
-from tests.conftest import require_tool
 
 DEVICE = load_device("wrist_drive")
 AXES = DEVICE.axes
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _compiler():
-    require_tool("gcc")
 
 
 def commands(tick, size=0.1):

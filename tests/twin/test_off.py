@@ -8,8 +8,7 @@ import math
 import numpy as np
 import pytest
 
-import esea_gen
-from esea_gen.device import Device, with_numbers
+from esea_gen.device import with_numbers
 from esea_gen.errors import UserError
 from esea_gen.hostlib.library import compile_system
 from esea_gen.language.system import System, Task
@@ -21,7 +20,6 @@ from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.off import deviation, off_families
 from esea_gen.twin.people import ideal_plant
 from esea_gen.twin.run import compiled_loop, plant_variant, run_case, told
-from tests.conftest import require_tool
 from tests.made_up import made, port
 from tests.studies.test_experiments import shorter
 from tests.twin.test_plant import P_NM_RAD, R_RAD, Rig
@@ -33,14 +31,8 @@ EVERY = list(off_families())
 
 
 @pytest.fixture(scope="module")
-def device() -> Device:
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
-
-
-@pytest.fixture(scope="module")
-def rigid(device) -> Rig:
-    return Rig(device, False)
+def rigid(drive) -> Rig:
+    return Rig(drive, False)
 
 
 # -- the plant does what a family says ------------------------------------------------------------
@@ -59,14 +51,14 @@ def moved(rig: Rig, seconds: float, rate_rad_s: float, start_rad: float = 0.0, *
 @pytest.mark.parametrize(
     ("name", "scale"), [("rubber-20", 0.8), ("rubber-10", 0.9), ("rubber+10", 1.1)]
 )
-def test_static_torque_of_another_rubber(device, rigid, name, scale):
+def test_static_torque_of_another_rubber(drive, rigid, name, scale):
     # 0.1 rad from rest: 9.39 * 0.1 + 239 * 0.1**3 of the spring, nothing yet of the rest.
-    _, torque = moved(rigid, rigid.step_s, 0.0, 0.1, **deviation(name, device, 0).values)
+    _, torque = moved(rigid, rigid.step_s, 0.0, 0.1, **deviation(name, drive, 0).values)
     assert torque[0] == pytest.approx(scale * 1.178, rel=1e-5)
 
 
-def test_twice_the_hysteresis(device, rigid):
-    values = deviation("hysteresis-x2", device, 0).values
+def test_twice_the_hysteresis(drive, rigid):
+    values = deviation("hysteresis-x2", drive, 0).values
     (delta, once), (_, twice) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
     stops = [P_NM_RAD @ np.clip(x, -R_RAD, R_RAD) for x in delta]
     assert delta[-1] == pytest.approx(0.1, rel=0.01)
@@ -75,11 +67,11 @@ def test_twice_the_hysteresis(device, rigid):
 
 
 @pytest.mark.parametrize("constant_s", [5.0, 0.05, 0.011])
-def test_a_second_relaxation_time(device, rigid, constant_s):
+def test_a_second_relaxation_time(drive, rigid, constant_s):
     # Of a spring of 3 Nm/rad and a dashpot in line at a constant rate.
-    values = dict(deviation("relaxation", device, 0).values)
+    values = dict(deviation("relaxation", drive, 0).values)
     assert values == {"relaxation_Nm_rad": 3.0, "relaxation_s": 5.0}
-    large = with_numbers(device, {"domain.tau_full_scale_Nm": 2 * 4.47})
+    large = with_numbers(drive, {"domain.tau_full_scale_Nm": 2 * 4.47})
     assert deviation("relaxation", large, 0).values["relaxation_Nm_rad"] == 6.0
     values["relaxation_s"] = constant_s
     (delta, alone), (_, both) = moved(rigid, 0.1, 1.0), moved(rigid, 0.1, 1.0, **values)
@@ -88,14 +80,14 @@ def test_a_second_relaxation_time(device, rigid, constant_s):
 
 
 @pytest.mark.parametrize(("name", "deg"), [("encoder-0.26deg", 0.26), ("encoder-1deg", 1.0)])
-def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
-    values = dict(deviation(name, device, 3).values)
-    runner = compile_system(twin_system(device), "f64").task("encode")
+def test_an_encoder_that_is_wrong_once_a_turn(drive, name, deg):
+    values = dict(deviation(name, drive, 3).values)
+    runner = compile_system(twin_system(drive), "f64").task("encode")
     assert runner.prepare({"encoders": values}) == 0
     n = 40_009  # no divisor in common with the counts of a turn
     theta = 2 * np.pi * (np.arange(n) + 0.5) / n
     counts, _ = runner.run({f"theta_{k}_rad": theta for k in "mlg"}, trace=False)
-    steps = 2 ** int(device.file.encoder.resolution_bits.value)
+    steps = 2 ** int(drive.file.encoder.resolution_bits.value)
     phases = []
     for side in ("motor", "load"):
         read = 2 * np.pi * (counts[f"count_{side}"] + 0.5) / steps
@@ -104,7 +96,7 @@ def test_an_encoder_that_is_wrong_once_a_turn(device, name, deg):
         assert np.degrees(np.abs(lines[2:50]).max()) < 0.003
         phases.append(np.angle(lines[1]))
     assert abs(phases[0] - phases[1]) > 0.1  # each its own
-    assert deviation(name, device, 4).values["motor_phase_1_rad"] != values["motor_phase_1_rad"]
+    assert deviation(name, drive, 4).values["motor_phase_1_rad"] != values["motor_phase_1_rad"]
 
 
 # -- delay and missed runs in the loop ------------------------------------------------------------
@@ -137,13 +129,13 @@ def counting() -> System:
 
 
 @pytest.fixture(scope="module")
-def loop(device) -> ClosedLoop:
-    return ClosedLoop(counting(), ideal_plant(device, "none"), "f64")
+def loop(drive) -> ClosedLoop:
+    return ClosedLoop(counting(), ideal_plant(drive, "none"), "f64")
 
 
 @pytest.mark.parametrize(("name", "ms"), [("none", 0), ("delay+1ms", 1), ("delay+10ms", 10)])
-def test_a_command_arrives_later(device, loop, name, ms):
-    ticks = deviation(name, device, 0).delay_ticks
+def test_a_command_arrives_later(drive, loop, name, ms):
+    ticks = deviation(name, drive, 0).delay_ticks
     asked = 0.1 * np.random.default_rng(1).standard_normal(300)
     asked[:50] = 0.0
     plain = loop.run({"ask_Nm": asked})["u_a_Nm"]

@@ -16,7 +16,7 @@ from esea_gen.studies.passivity.study import WRIST_HANDS
 from esea_gen.twin.case import IMPEDANCE, TORQUE, Setting
 from esea_gen.twin.controllers import controller_device
 from esea_gen.twin.run import run_case
-from tests.conftest import require_tool, without
+from tests.conftest import without
 from tests.control.test_passive_block import ENERGY_J, LAG_S, RATIO, SHIPPED, U_MAX, H, J
 
 
@@ -55,7 +55,6 @@ LAWS = [BEST_CONTROLLER, "cascade", "smc"]
 
 def verdicts(controller: str, mode: int, asked: list) -> list[bool]:
     """Whether each limp hand swings up, is stopped, or gets over a hundredth of the push."""
-    require_tool("gcc")
     device = controller_device(controller)
     found = []
     for (inertia, stiffness), (kp, kd), (plant, seed) in asked:
@@ -148,7 +147,6 @@ LAW = Law("stuck", "All torque, whatever is measured", parts)
 
 def runaway_on_the_twin(controller: str, hand: Hand) -> tuple[float, float]:
     """True energy given to the limb, and to coupling and limb with the drive's own; largest."""
-    require_tool("gcc")
     device = esea_gen.load_device("elbow_drive")
     run = run_case(
         push_case(device, hand, 0.0, 0.0, 0.5, TORQUE), Setting(controller, "real", "ideal"), 0
@@ -177,7 +175,6 @@ def test_a_law_that_runs_away_gives_no_more_than_the_energy(tmp_path, bare):
 @pytest.mark.parametrize("plant", ["real", "ideal"])
 def test_the_drive_does_as_the_proof_assumes(controller, plant):
     """The motor's torque stays below the model's, and given and held grow by its work at most."""
-    require_tool("gcc")
     device = esea_gen.load_device("elbow_drive")
     hand = Hand("limp", 0.1, 0.0, 30.0)
     run = run_case(push_case(device, hand, 0.0, 0.0), Setting(controller, plant, "ideal"), 0)

@@ -13,7 +13,6 @@ from esea_gen.hostlib.library import compile_block, compile_system
 from esea_gen.model.inverse import exact_inverse
 from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.passive import ENCODER_NOISE_RAD, HAND_Nms_rad, PassiveTwin, passive_system
-from tests.conftest import require_tool
 
 CUFF_kgm2 = 0.003
 DEAD_ZONE_RAD = math.radians(2.81)
@@ -26,7 +25,6 @@ def knee():
 
 @pytest.fixture(scope="module")
 def twin(knee):
-    require_tool("gcc")
     return PassiveTwin(knee)
 
 

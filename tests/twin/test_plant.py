@@ -21,7 +21,6 @@ from esea_gen.twin.hand_plant import twin_system
 from esea_gen.twin.parameters import STEP_S
 from esea_gen.twin.people import ideal_plant, random_plant, real_plant
 from esea_gen.twin.plant import plant_block, start_state
-from tests.conftest import require_tool
 
 N = 74.0
 H = STEP_S
@@ -31,7 +30,6 @@ class Rig:
     """A compiled plant, driven step by step from arrays."""
 
     def __init__(self, device: Device, cable: bool, step_s: float = H) -> None:
-        require_tool("gcc")
         self.system = twin_system(device, cable, step_s)
         self.step_s = step_s
         self.block = self.system.blocks["plant"]
@@ -61,24 +59,19 @@ class Rig:
 
 
 @pytest.fixture(scope="module")
-def device() -> Device:
-    return esea_gen.load_device("elbow_drive")
+def rigid(drive) -> Rig:
+    return Rig(drive, False)
 
 
 @pytest.fixture(scope="module")
-def rigid(device) -> Rig:
-    return Rig(device, False)
+def cabled(drive) -> Rig:
+    return Rig(drive, True)
 
 
 @pytest.fixture(scope="module")
-def cabled(device) -> Rig:
-    return Rig(device, True)
-
-
-@pytest.fixture(scope="module")
-def halved(device) -> dict[bool, Rig]:
+def halved(drive) -> dict[bool, Rig]:
     """Both plants at half the step, by whether the cable is compliant."""
-    return {cable: Rig(device, cable, H / 2) for cable in (True, False)}
+    return {cable: Rig(drive, cable, H / 2) for cable in (True, False)}
 
 
 def with_elastomer(device: Device, maxwell: bool, **values: float) -> Device:
@@ -183,11 +176,11 @@ def still(t):
         pytest.param("real", "none", 3e-3, marks=pytest.mark.ci),
     ],
 )
-def test_against_an_independent_integrator(device, rigid, cabled, kind, person, largest_Nm):
+def test_against_an_independent_integrator(drive, rigid, cabled, kind, person, largest_Nm):
     variant = {
-        "ideal": ideal_plant(device, person),
-        "smooth": real_plant(device, person, 4).having(cable_backlash_rad=0.0),
-        "real": real_plant(device, person, 4),
+        "ideal": ideal_plant(drive, person),
+        "smooth": real_plant(drive, person, 4).having(cable_backlash_rad=0.0),
+        "real": real_plant(drive, person, 4),
     }[kind].having(torque_noise_Nm=0.0)
     rig = rigid if kind == "ideal" else cabled
     p = {t.name: t.default for t in rig.block.tunables} | variant.values
@@ -220,8 +213,8 @@ def test_lag_of_the_motor(rigid):
     assert got["u_a_Nm"][-1] == pytest.approx(0.221 * np.expm1(-got["t"][-1] / 0.02), rel=1e-12)
 
 
-def test_linear_spring_swings_as_the_textbook_says(device):
-    linear = with_elastomer(device, False, k1_Nm_rad=30.0, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
+def test_linear_spring_swings_as_the_textbook_says(drive):
+    linear = with_elastomer(drive, False, k1_Nm_rad=30.0, k3_Nm_rad3=0.0, alpha_Nm_rad=0.0)
     rig = Rig(linear, False)
     got = rig.run(np.zeros(20000), {"omega_m_rad_s": 1.0}, clamped=1, **SMOOTH)
     w = math.sqrt(30 / 0.663)
@@ -385,10 +378,8 @@ def twist_bound_rad(got: dict, p: dict, cable: bool) -> float:
 @settings(max_examples=25)
 @given(st.integers(0, 10**6), st.booleans(), st.floats(0.2, 6.0), st.booleans())
 @example(seed=4, cable=False, hertz=2.0, clamped=True)  # meets the stop at 5 rad/s
-def test_energy_balance_of_random_plants(
-    device, cabled, rigid, halved, seed, cable, hertz, clamped
-):
-    values = dict(random_plant(device, seed).values) | {"clamped": clamped}
+def test_energy_balance_of_random_plants(drive, cabled, rigid, halved, seed, cable, hertz, clamped):
+    values = dict(random_plant(drive, seed).values) | {"clamped": clamped}
     rng = np.random.default_rng(seed)
     t = np.arange(10000) * H
     u = rng.uniform(0.02, 0.221) * np.sin(2 * np.pi * hertz * t + rng.uniform(0, 6))
@@ -412,8 +403,8 @@ def test_energy_balance_of_random_plants(
 
 @pytest.mark.parametrize("cable", [True, False])
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_nothing_that_is_not_a_number_passes(device, cable, bad):
-    block = plant_block(device, cable)
+def test_nothing_that_is_not_a_number_passes(drive, cable, bad):
+    block = plant_block(drive, cable)
     calm = {p.name: 0.01 for p in block.inputs}
     for port in block.inputs:
         sim = block.simulator()
@@ -446,8 +437,8 @@ def test_sine_of_turns(turns):
 
 
 @pytest.fixture(scope="module")
-def encoders(device):
-    return encoder_block(device)
+def encoders(drive):
+    return encoder_block(drive)
 
 
 @settings(max_examples=60)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.language.stream import Stream, single
 from esea_gen.observe.human import extended_state
 from esea_gen.verify import equivalence
@@ -13,17 +12,10 @@ from esea_gen.verify.bounds import PORT_RANGES, bounds_or_rule, steps_beyond
 from esea_gen.verify.runs import run_symbolic
 from esea_gen.verify.streams import streams
 from esea_gen.verify.verdict import ONE_STEP
-from tests.conftest import require_tool
 
 NAME = "human_eso"
 # Rests at, and next to, an end.
 BESIDE_rad = (0.0, 1e-4, 3e-4, 5e-4, 1e-3)
-
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ from esea_gen.verify.coverage import branch_coverage
 from esea_gen.verify.executor import exact_trajectory, setup_difference
 from esea_gen.verify.runs import CasadiOracle, run_c
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
-from tests.conftest import require_tool
 from tests.made_up import made, port
 from tests.proof.sanitize import GivenRenderer
 
@@ -103,7 +102,6 @@ def test_the_c_gives_every_bit(elbow, elbow_f64, elbow_f32, real, name):
     ],
 )
 def test_the_bits_show_a_fault(elbow, old, new):
-    require_tool("gcc")
     files = GivenRenderer(elbow, "f32").files()
     assert files["esea_elbow_sensor.c"].count(old) == 1
     files["esea_elbow_sensor.c"] = files["esea_elbow_sensor.c"].replace(old, new)

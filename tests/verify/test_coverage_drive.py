@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import esea_gen
 from esea_gen.emit.formats import FORMATS
 from esea_gen.hostlib.library import compile_device
 from esea_gen.language.block import Block
@@ -15,7 +14,6 @@ from esea_gen.verify.coverage import SIDES, branch_coverage, side_masks
 from esea_gen.verify.memories import aimed_stream, other_memories
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import at_the_limits, domain_chirp, recorded_stream, streams
-from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
 
@@ -38,12 +36,6 @@ BLOCKS = [
     ),
     *("torque_lead", "smoothed_setpoint", "set_trend", "sliding_mode", "stamp"),
 ]
-
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
 
 
 @pytest.fixture(scope="module")

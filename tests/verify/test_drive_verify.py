@@ -18,7 +18,6 @@ from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.mutation.equivalent import Prover
 from esea_gen.verify.mutation.mutants import mutants
 from esea_gen.verify.verdict import EXACT_STEP, LASTING, ONE_STEP, RESIDUAL
-from tests.conftest import require_tool
 from tests.proof.sanitize import GivenRenderer, replay_device, undefined_behaviour
 
 pytestmark = pytest.mark.ci
@@ -48,12 +47,6 @@ RULE = dict.fromkeys(FAULTS, LASTING) | {
     "limits": ONE_STEP,
     "inverse": RESIDUAL,
 }
-
-
-@pytest.fixture(scope="module")
-def drive():
-    require_tool("gcc")
-    return esea_gen.load_device("elbow_drive")
 
 
 def faulty(drive, real):

@@ -23,13 +23,12 @@ from esea_gen.verify.faults import everyone
 from esea_gen.verify.faults.kinds import BoardFault
 from esea_gen.verify.faults.rig import SUBJECTS, rig_of
 from tests.cli.test_cli import run as run_cli
-from tests.conftest import ROOT, require_tool, without
+from tests.conftest import ROOT, without
 
 SIMULATE = ("simulate", "--controller", "smc")
 
 
 def run(fault: str, study: str = "bread", case: str = "0 Nm", controller: str = "smc"):
-    require_tool("gcc")
     found = load_study(study, ClosedLoopStudy).case(case)
     setting = Setting(controller, "real", default_person(study, "real"), fault=fault)
     return run_case(found, setting, 0)
@@ -137,7 +136,6 @@ CASES = [*itertools.product(ROWS, SUBJECTS, SEEDS, (BEST_CONTROLLER, "cascade", 
 
 @pytest.mark.ci
 def test_what_a_fault_does_is_within_the_pages_table():
-    require_tool("gcc")
     gear_ratio = everyone.loaded("elbow_drive", "smc").file.actuator.gear_ratio.value
     rows = page_rows("fault-injection.md", "encoder-faults")
     for row, person, seed, law in CASES:
@@ -153,7 +151,6 @@ def test_what_a_fault_does_is_within_the_pages_table():
 
 
 def test_in_a_controlled_stop_who_halts_meets_no_drive_that_is_off():
-    require_tool("gcc")
     rows = page_rows("stop-results.md", "stops")
     cells = {r: " / ".join(list(row.values())[1:]).split(" / ") for r, row in rows.items()}
     assert list(rows) == sorted(rows, key=lambda r: -max(map(float, cells[r])))
@@ -210,7 +207,6 @@ def test_without_the_comparison_a_frozen_encoder_is_not_found(tmp_path):
 
 
 def test_the_command_says_what_came_of_it(tmp_path):
-    require_tool("gcc")
     out = tmp_path / "fault.json"
     done = run_cli(*SIMULATE, "bread", "--fault", "freeze:load@4", "--json", out, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -233,7 +229,6 @@ def test_the_command_says_what_came_of_it(tmp_path):
 
 @pytest.mark.ci
 def test_the_command_writes_the_table_by_person(tmp_path):
-    require_tool("gcc")
     out = tmp_path / "stops.json"
     call = ("faults", "elbow_drive", "--table", "stops", "--runs", "1", "--jobs", "1")
     done = run_cli(*call, "--controller", "cascade,smc", "--json", out, cwd=tmp_path)

@@ -22,12 +22,10 @@ from esea_gen.verify.compare import compare
 from esea_gen.verify.equivalence import verify
 from esea_gen.verify.runs import CasadiOracle, run_c, run_symbolic
 from esea_gen.verify.streams import domain_chirp, recorded_stream, streams
-from tests.conftest import require_tool
 
 
 @pytest.fixture(scope="module")
 def verified(elbow):
-    require_tool("gcc")
     wave = 0.15 * np.sin(np.arange(3000) * 2e-3)
     return verify(elbow, recorded={"a recording": wave})
 
@@ -60,7 +58,6 @@ def test_f32_stays_within_the_derived_bound(verified):
 
 def changed(elbow, real: str, old: str, new: str) -> HostLibrary:
     """The device's C with one place changed: a mutant."""
-    require_tool("gcc")
     renderer = Renderer(elbow.system, FORMATS[real], "-", "-", elbow.title)
     files = renderer.files()
     name = "esea_elbow_sensor.c"
@@ -107,7 +104,6 @@ def written(block: Block) -> tuple[str, ...]:
 @pytest.mark.parametrize("real", ["f64", "f32"])
 @pytest.mark.parametrize("name", sorted(shipped_devices()))
 def test_nan_and_infinity_into_every_input_and_state(name, real):
-    require_tool("gcc")
     device = loaded(name)
     # A Program's own tests do the same: what of its state carries nothing is not looked at.
     blocks = [b for b in device.system.kinds if b.kind == "block"]

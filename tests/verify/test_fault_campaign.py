@@ -30,7 +30,6 @@ def drive():
 
 @pytest.fixture(scope="module")
 def rig(drive):
-    require_tool("gcc")
     return rig_of(drive)
 
 
@@ -156,7 +155,6 @@ def test_work_and_torque_against_a_drive_that_only_lets_itself_be_moved(rig):
 
 def test_a_broken_promise_is_seen(monkeypatch, tmp_path):
     """Armed: with a narrower envelope, or a bound that is a tick too short, runs are outside."""
-    require_tool("gcc")
     few = {"runs": 12, "seed": 1, "folder": tmp_path}
     made = campaign.fault_campaign("elbow_drive", **few)
     assert made.outside == []
@@ -185,7 +183,6 @@ def test_a_device_without_a_drive_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_two_thousand_faults():
-    require_tool("gcc")
     made = campaign.fault_campaign("elbow_drive", workers=2)
     assert len(made.runs) == 2000
     assert made.outside == []
@@ -197,7 +194,6 @@ def test_two_thousand_faults():
 
 @pytest.fixture(scope="module")
 def driven(drive):
-    require_tool("gcc")
     return rig_of(drive, DrivenRig)
 
 

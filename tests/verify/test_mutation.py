@@ -13,14 +13,12 @@ from esea_gen.verify.mutation.campaign import REQUIRED_SCORE, run_mutation
 from esea_gen.verify.mutation.edits import Edit
 from esea_gen.verify.mutation.equivalent import Prover
 from esea_gen.verify.mutation.mutants import mutants
-from tests.conftest import require_tool
 
 pytestmark = pytest.mark.ci
 
 
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_a_sample_of_mutants_is_caught(elbow, real):
-    require_tool("gcc")
     said = []
     report = run_mutation(elbow, real, sample=40, seed=1, progress=said.append)
     assert report.tried + report.rejected == 40
@@ -37,7 +35,6 @@ def test_a_sample_of_mutants_is_caught(elbow, real):
 @pytest.mark.slow
 @pytest.mark.parametrize("real", ["f64", "f32"])
 def test_all_mutants(elbow, real):
-    require_tool("gcc")
     report = run_mutation(elbow, real)
     assert report.tried > 1000
     assert report.raw_score >= REQUIRED_SCORE  # equivalent mutants counted as missed
@@ -103,7 +100,6 @@ def test_an_exponent_is_not_rounded_to_the_format():
 
 def test_with_blunt_streams_mutants_survive(elbow, monkeypatch):
     """The score measures the streams: with one quiet stream it falls."""
-    require_tool("gcc")
     real_streams = bench.streams
     monkeypatch.setattr(bench, "streams", lambda block: real_streams(block)[:1])
     monkeypatch.setattr(bench, "at_the_limits", lambda block, _: real_streams(block)[0])

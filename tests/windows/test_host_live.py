@@ -29,12 +29,6 @@ from esea_host.windows.operator import DemoOperator
 from tests.conftest import require_tool
 
 
-@pytest.fixture
-def lockstep(simulated_elbow):
-    simulated_elbow.restart()
-    return LockstepDevice(simulated_elbow)
-
-
 def test_numbers_become_words(lockstep):
     device, dialect = lockstep.identity.device, lockstep.session.dialect
     flags = {f.name: f for f in limit_flags(device)}

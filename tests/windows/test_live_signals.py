@@ -15,7 +15,6 @@ from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.windows.feed import LiveFeed, RowRing, curve, spans
 from esea_host.windows.signals import AxisColumns
 from esea_host.windows.trigger import SINGLE, Trigger, crossings
-from tests.conftest import require_tool
 from tests.control.test_motor_temperature import warm_text
 from tests.windows.test_host_live import run_for
 
@@ -142,7 +141,6 @@ def test_a_sine_is_a_peak_of_its_amplitude():
 
 @pytest.mark.ci
 def test_a_motor_that_is_warm_is_seen(tmp_path):
-    require_tool("gcc")
     (tmp_path / "warm.toml").write_text(warm_text(), encoding="utf-8")
     with closing(SimulatedBoard(str(tmp_path / "warm.toml"))) as board:
         device = LockstepDevice(board)

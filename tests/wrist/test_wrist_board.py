@@ -24,7 +24,6 @@ from esea_host.study.session import COMPLETED, FAILED, replay
 from esea_host.study.task import Situation, task_named
 from esea_host.wrist.virtual import VirtualPerson
 from tests.conducted import at_step, of_tasks, study_of
-from tests.conftest import require_tool
 from tests.link.test_host_link import Proxy
 
 NEUTRAL = (
@@ -41,7 +40,6 @@ HEALTHY, CONSTRAINED = "false", "true"
 @pytest.fixture
 def begun(tmp_path):
     """Starts sessions with a simulated participant in the drive; closes them in any case."""
-    require_tool("gcc")
     made = []
 
     def begin(*blocks, code="P01", kind=VirtualPerson):
@@ -169,7 +167,6 @@ def test_a_device_that_does_not_fit_is_refused_beforehand(device, words):
 @pytest.mark.ci
 def test_a_pulled_cable_fails_the_trial_and_the_session_can_be_resumed(tmp_path, busy_machine):
     """Over TCP: the board switches its motor off; connected again it is armed, and told so."""
-    require_tool("gcc")
     study = study_of(tmp_path / "s", of_tasks(*(RANGE % ("FE", HEALTHY),) * 2))
     board = SimulatedBoard("wrist_drive", person="nobody")
     with socket.create_server(("127.0.0.1", 0)) as listener:

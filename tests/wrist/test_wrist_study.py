@@ -33,7 +33,6 @@ from esea_host.wrist.sensitivity import outcome
 from esea_host.wrist.virtual import PROTOCOL, run_study, wrist_protocol
 from tests.analysis.test_cluster import Dask
 from tests.browser import browser, readable
-from tests.conftest import require_tool
 
 RATE = 18.0 / 5.0
 
@@ -254,11 +253,6 @@ def test_learning_takes_medians_over_blocks():
 # -- device and people -----------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def gcc():
-    require_tool("gcc")
-
-
 def test_minimum_jerk_is_the_closed_form():
     s = np.linspace(0, 1, 11)
     assert np.array([minimum_jerk(v) for v in s]) == pytest.approx(10 * s**3 - 15 * s**4 + 6 * s**5)
@@ -321,7 +315,7 @@ def all_rows(folder):
 
 
 @pytest.fixture(scope="module")
-def studied(tmp_path_factory, gcc):
+def studied(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wrist") / "s"
     assert run_study(folder, 1, 1, protocol=short()) == []
     return folder
@@ -362,7 +356,7 @@ def test_what_a_method_gives(studied, result):
 
 
 @pytest.mark.ci
-def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
+def test_the_number_of_workers_changes_nothing(tmp_path):
     """And another seed does."""
     rows = []
     for name, seed, jobs in (("a", 1, 1), ("b", 1, 2), ("c", 2, 1)):
@@ -373,7 +367,7 @@ def test_the_number_of_workers_changes_nothing(tmp_path, gcc):
 
 
 @pytest.mark.slow
-def test_a_cluster_records_the_same(tmp_path, gcc):
+def test_a_cluster_records_the_same(tmp_path):
     """Workers of a real scheduler on this machine; one address that is none is told."""
     dask = Dask(tmp_path)
     try:

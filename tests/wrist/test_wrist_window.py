@@ -23,13 +23,8 @@ PAGE = (ROOT / "docs" / "wrist-display.md").read_text(encoding="utf-8")
 WAIT_S, TRIES = 300, 5  # on a busy machine a command comes too late
 
 
-@pytest.fixture(scope="module")
-def gcc():
-    require_tool("gcc")
-
-
 @pytest.fixture
-def shown(qapp, gcc, tmp_path):
+def shown(qapp, tmp_path):
     """Opens windows on simulated boards whose clock the test moves."""
     from esea_host.windows.wrist_running import FilmedWrist
 
@@ -115,7 +110,7 @@ def run(*words):
         ("sim:wrist_drive --headless --screenshot {}/a.png --calibration {}", "{}"),
     ],
 )
-def test_what_is_no_wrist_or_no_calibration_is_refused(gcc, tmp_path, words, told):
+def test_what_is_no_wrist_or_no_calibration_is_refused(tmp_path, words, told):
     done = run(*words.format(tmp_path, tmp_path).split())
     assert done.exit_code != 0
     assert told.format(tmp_path) in str(done.exception) + done.output
