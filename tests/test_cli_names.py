@@ -17,7 +17,7 @@ import esea_gen
 import esea_host
 from esea_gen import load_device
 from esea_gen.analysis.plots import new_figure, save
-from esea_gen.cli import main, names
+from esea_gen.cli import names
 from esea_gen.cli.app import app
 from esea_gen.cli.groups import registered
 from esea_gen.device import controllers
@@ -26,6 +26,7 @@ from esea_gen.errors import UserError
 from esea_gen.studies.registry import Reproduction, Study, studies
 from esea_gen.studies.simulation import ClosedLoopStudy
 from esea_gen.twin.published import PEOPLE
+from tests import typed
 
 # None of these may be loaded to show a list of commands, or to complete a name.
 SLOW = ("casadi", "sympy", "scipy", "numpy", "matplotlib", "rich")
@@ -96,30 +97,25 @@ def test_every_command_has_a_home_and_every_file_of_commands_is_in_it(program):
     assert all(command.commands[n].name == n for n in written)
 
 
-def test_quiet_and_verbose(capsys, tmp_path, monkeypatch):
+def test_quiet_and_verbose(tmp_path):
     target = tmp_path / "mine.toml"
     assert CliRunner().invoke(app, ["-q", "new", "mine", "--out", str(target)]).output == ""
     assert target.is_file()
     for flags, traced in (([], False), (["-v"], True)):
-        monkeypatch.setattr(sys, "argv", ["esea-gen", *flags, "build", "nothing"])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        assert stopped.value.code == 2
-        assert ("Traceback" in capsys.readouterr().err) == traced
+        code, _, said = typed.command(*flags, "build", "nothing")
+        assert code == 2
+        assert ("Traceback" in said) == traced
 
 
-def test_a_full_disk_is_one_paragraph(capsys, monkeypatch, tmp_path):
+def test_a_full_disk_is_one_paragraph(monkeypatch, tmp_path):
     """Scratch files, kept files, pictures: what was there stays, nothing half is left."""
 
     def full(*_, **__):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(sys, "argv", ["esea-gen", "schema"])
     monkeypatch.setattr("esea_gen.devices.schema.json_schema", full)
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    assert stopped.value.code == 2
-    said = capsys.readouterr().err
+    code, _, said = typed.command("schema")
+    assert code == 2
     assert "No space left on device" in said
     assert "TMPDIR" in said
     (tmp_path / "old.png").write_text("old")

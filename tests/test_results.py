@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-import sys
 from itertools import chain
 
 import jsonschema
@@ -14,12 +13,13 @@ from typer.testing import CliRunner
 
 from esea_gen import __version__
 from esea_gen.cli import app
-from esea_gen.cli.app import main, stopped
+from esea_gen.cli.app import stopped
 from esea_gen.cli.names import reproductions
 from esea_gen.errors import UserError
 from esea_gen.files import SCHEMA_VERSION, result_schema, result_schemas, stamped, write_json
 from tests import result_schemas as drawn
 from tests.conftest import ROOT
+from tests.typed import command
 
 SOURCES = sorted(chain((ROOT / "esea_gen").rglob("*.py"), (ROOT / "host").rglob("*.py")))
 
@@ -88,7 +88,7 @@ def test_the_schema_command_prints_them(tmp_path):
     assert json.loads(CliRunner().invoke(app, ["schema"]).output)["title"] != "tune"
 
 
-def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
+def test_ctrl_c_says_how_to_go_on(monkeypatch):
     for words, resumable, wanted in (
         (
             ["simulate", "tuning", "--resume", "a b"],
@@ -106,9 +106,7 @@ def test_ctrl_c_says_how_to_go_on(monkeypatch, capsys):
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys, "argv", ["esea-gen", "faults", "elbow_drive"])
     monkeypatch.setattr("esea_gen.verify.faults.campaign.fault_campaign", interrupted)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 130
-    assert "esea-gen faults elbow_drive --resume DIR" in capsys.readouterr().err
+    code, _, said = command("faults", "elbow_drive")
+    assert code == 130
+    assert "esea-gen faults elbow_drive --resume DIR" in said

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from subprocess import CompletedProcess
+from typing import Any
 from unittest import mock
 
 from esea_gen.cli import main
@@ -27,7 +28,8 @@ def typed(
     program: Callable[[], None] = main,
 ) -> CompletedProcess[str]:
     """Exit code and text, as ``subprocess.run`` gives them."""
-    arguments = ["esea-gen", *map(str, words)]
+    name = program.__module__.partition(".")[0].replace("_", "-")
+    arguments = [name, *map(str, words)]
     said, complained = io.StringIO(), io.StringIO()
     code: object = 0
     with (
@@ -49,3 +51,15 @@ def typed(
         complained.write(f"{code}\n")
         code = 1
     return CompletedProcess(arguments, int(code or 0), said.getvalue(), complained.getvalue())
+
+
+def command(*words: object, **more: Any) -> tuple[int, str, str]:
+    """Exit code, output, and what was said of errors, in one line."""
+    done = typed(*words, **more)
+    return done.returncode, done.stdout, " ".join(done.stderr.split())
+
+
+def host_command(*words: object) -> tuple[int, str, str]:
+    from esea_host.cli import main as host
+
+    return command(*words, program=host)

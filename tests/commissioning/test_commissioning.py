@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
 import re
-import sys
 import time
 from datetime import datetime
 from pathlib import Path
@@ -21,7 +19,6 @@ from esea_gen.link.transport import LinkError
 from esea_gen.studies.torque_check.procedure import KnownLoad
 from esea_gen.twin.run import plant_variant
 from esea_gen.twin.stepped import SteppedTwin
-from esea_host.cli import main
 from esea_host.commissioning import (
     STEPS,
     BoardUnit,
@@ -33,6 +30,7 @@ from esea_host.commissioning import (
     simulated_bench,
     unit_of,
 )
+from tests.typed import host_command
 
 UNIT = BoardUnit("", 1)
 BY_NAME = {s.name: s for s in STEPS}
@@ -277,32 +275,25 @@ def test_a_record_of_another_machine_or_damaged_is_refused(bench_of, tmp_path):
         (["--step", "adaptation", "--mass", "1", "--arm", "0.3"], "Give --second-mass KG"),
     ],
 )
-def test_wrong_words_end_before_anything_is_connected(words, said, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["esea-host", "commission", "tcp:127.0.0.1:1", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+def test_wrong_words_end_before_anything_is_connected(words, said):
+    code, _, told = host_command("commission", "tcp:127.0.0.1:1", *words)
+    assert code == 2
+    assert said in told
 
 
-def test_in_the_terminal(simulated_elbow, tmp_path, capsys, monkeypatch):
+def test_in_the_terminal(simulated_elbow, tmp_path, monkeypatch):
     simulated_elbow.restart()
     monkeypatch.setattr("esea_host.cli.commission.SimulatedBoard", lambda *a, **k: simulated_elbow)
     monkeypatch.setattr(simulated_elbow, "close", lambda: None)
     words = ["commission", "sim:elbow_drive", "--terminal", "--record", str(tmp_path / "r")]
-    monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero", "--step", "sign"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    said = capsys.readouterr().out
-    assert not ended.value.code, said
+    code, said, _ = host_command(*words, "--step", "zero", "--step", "sign")
+    assert not code, said
     assert "Zero (simulated): PASSED" in said
     assert "Motor sign (simulated): PASSED" in said
     assert "not done" in said
     assert (tmp_path / "r" / "002-sign.png").is_file()
-    monkeypatch.setattr(sys, "argv", ["esea-host", *words, "--step", "zero"])
-    with contextlib.suppress(SystemExit):
-        main()
-    assert "keeps 2 results of another board or an earlier start" in capsys.readouterr().out
+    said = host_command(*words, "--step", "zero")[1]
+    assert "keeps 2 results of another board or an earlier start" in said
     simulated_elbow.board.lib.sim_unique(0)
 
 

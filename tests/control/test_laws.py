@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 
 import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.cli import main
 from esea_gen.control.law import Law, Parts
 from esea_gen.control.law_switch import law_switch
 from esea_gen.control.system import control_system
@@ -28,6 +26,7 @@ from esea_gen.twin.closed_loop import ClosedLoop
 from esea_gen.twin.people import real_plant
 from esea_gen.twin.published import PEOPLE
 from esea_gen.twin.run import run_case, run_on
+from tests import typed
 from tests.conftest import ROOT, require_tool
 from tests.own_device import own_device, own_text
 
@@ -242,22 +241,11 @@ def test_two_active_axes_need_no_second_wiring(drive):
 # -- a law from outside the package ----------------------------------------------------------------
 
 
-def called(monkeypatch, capsys, *arguments):
-    monkeypatch.setattr(sys, "argv", ["esea-gen", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as leave:
-        said = capsys.readouterr()
-        return leave.code or 0, said.out, " ".join(said.err.split())
-    said = capsys.readouterr()
-    return 0, said.out, said.err
-
-
 @pytest.mark.ci
-def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
+def test_every_command_takes_a_law_from_outside(tmp_path):
     require_tool("gcc")
     outside = ("elbow_drive", "--controller", EXAMPLE)
-    code, shown, _ = called(monkeypatch, capsys, "build", *outside, "--out", tmp_path / "c")
+    code, shown, _ = typed.command("build", *outside, "--out", tmp_path / "c")
     assert code == 0
     header = (tmp_path / "c" / "f32" / "esea_elbow_drive.h").read_text()
     assert "--controller proportional.py:LAW" in header  # no path of this machine
@@ -266,7 +254,7 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
         ("verify", "--real", "f32", "--block", "proportional"),
         ("coverage", "--block", "proportional"),
     ):
-        code, shown, error = called(monkeypatch, capsys, command[0], *outside, *command[1:])
+        code, shown, error = typed.command(command[0], *outside, *command[1:])
         assert code == 0, (command, shown, error)
         assert "proportional" in shown
 
@@ -285,13 +273,13 @@ def test_every_command_takes_a_law_from_outside(monkeypatch, capsys, tmp_path):
         ("smc,smc", r"names one twice"),
     ],
 )
-def test_a_law_that_is_not_there_is_named(monkeypatch, capsys, tmp_path, controller, said):
+def test_a_law_that_is_not_there_is_named(monkeypatch, tmp_path, controller, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("1 / 0\n")
     (tmp_path / "leaves.py").write_text("raise SystemExit(3)\n")
     law = "from esea_gen.control.law import Law\nLAW = Law('x', '', lambda base: 1 / 0)\n"
     (tmp_path / "fails.py").write_text(law)
-    code, _, error = called(monkeypatch, capsys, "build", "elbow_drive", "--controller", controller)
+    code, _, error = typed.command("build", "elbow_drive", "--controller", controller)
     assert code == 2
     assert re.search(said, error), error
 
@@ -316,13 +304,13 @@ def test_a_law_without_a_wire_says_which(drive):
     ("controller", "board"),
     [("mpc", "netduinoplus2"), pytest.param("smc,mpc", "mps2-an500", marks=pytest.mark.slow)],
 )
-def test_the_emulated_board_runs_every_law(monkeypatch, capsys, tmp_path, controller, board):
+def test_the_emulated_board_runs_every_law(tmp_path, controller, board):
     for tool in ("gcc", "arm-none-eabi-gcc", "qemu-system-arm"):
         require_tool(tool)
     found = tmp_path / "a.json"
     arguments = ("emulate", "elbow_drive", "--controller", controller, "--seconds", "0.1")
     arguments += ("--board", board)
-    code, shown, error = called(monkeypatch, capsys, *arguments, "--json", found)
+    code, shown, error = typed.command(*arguments, "--json", found)
     assert code == 0, (shown, error)
     tasks = json.loads(found.read_text())["tasks"]
     assert {n: t["steps"] for n, t in tasks.items()} == {"sense": 100, "control": 20}

@@ -23,6 +23,7 @@ from esea_host.recording.foreign import import_table, read_mapping
 from esea_host.simulated.demo import run_demo
 from tests.benchmarks import link as bench
 from tests.conftest import ROOT, require_tool
+from tests.typed import typed
 
 pytestmark = pytest.mark.ci
 
@@ -237,13 +238,11 @@ def test_a_wrong_mapping_is_told_where(tmp_path, text, wrong):
         import_table(STEP, mapping(tmp_path, text), tmp_path / "a.mcap")
 
 
-def test_from_the_command_line(demo, tmp_path, capsys, monkeypatch):
+def test_from_the_command_line(demo, tmp_path):
     def said(*words: str, code: int = 0) -> str:
-        monkeypatch.setattr("sys.argv", ["esea-host", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == code, capsys.readouterr()
-        return " ".join(" ".join(capsys.readouterr()).split())
+        done = typed(*words, program=main)
+        assert done.returncode == code, done
+        return " ".join(f"{done.stdout} {done.stderr}".split())
 
     log = str(demo.recording)
     assert "matches the generated C bit for bit." in said("replay", log, "--verify")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from esea_gen.errors import UserError
-from esea_host.cli import main
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
@@ -22,17 +21,9 @@ from esea_host.interaction.rig import ELEMENTS, PUBLISHED_NM_DEG, element_device
 from esea_host.interaction.survey import read_comments, read_survey
 from esea_host.interaction.words import lines
 from tests.browser import browser, readable
+from tests.typed import host_command as command
 
 DEG = np.pi / 180
-
-
-def command(monkeypatch, capsys, *arguments):
-    """Exit code, what was shown, what was said on the error channel."""
-    monkeypatch.setattr("sys.argv", ["esea-host", *map(str, arguments)])
-    with pytest.raises(SystemExit) as caught:
-        main()
-    shown = capsys.readouterr()
-    return caught.value.code or 0, shown.out, shown.err
 
 
 # -- loading curves -------------------------------------------------------------------------------
@@ -147,7 +138,7 @@ def test_what_follows_from_the_printed_p_values():
 # -- survey and comments --------------------------------------------------------------------------
 
 
-def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
+def test_group_bs_sign_flips(tmp_path):
     """Spring and elastomer said by hand: B's first device is the elastomer."""
     path = tmp_path / "survey.csv"
     path.write_text(
@@ -168,20 +159,20 @@ def test_group_bs_sign_flips(tmp_path, monkeypatch, capsys):
     assert found.questions[0].counts == (0, 1, 0, 1, 1)
     figure, made = tmp_path / "f.png", tmp_path / "f.json"
     asked = "analyse", "survey", path, "--figure", figure, "--json", made
-    _, shown, _ = command(monkeypatch, capsys, *asked)
+    _, shown, _ = command(*asked)
     assert json.loads(made.read_text())["simulated"]
     assert "counts 0/1/0/1/1" in shown
     assert "all alike" in shown
     assert figure.exists()
 
 
-def test_agreement_of_two_coders_by_hand(tmp_path, monkeypatch, capsys):
+def test_agreement_of_two_coders_by_hand(tmp_path):
     path = tmp_path / "comments.csv"
     one = "a,spring,1,x,positive\nb,spring,1,x,negative\nc,elastomer,1,y,positive\n"
     two = "a,spring,2,x,positive\nb,spring,2,x,neutral\nc,elastomer,2,x,positive\n"
     more = "".join(f"d,elastomer,{coder},y,negative\n" for coder in "12")
     path.write_text(CODED + one + two + more)
-    _, shown, _ = command(monkeypatch, capsys, "analyse", "comments", path)
+    _, shown, _ = command("analyse", "comments", path)
     # Theme y: both give it to d, one to c too: (3/4 - 1/2) / (1 - 1/2); tone: (2/3 - 1/3) / (2/3).
     assert re.findall(r"(x|y|tone) +kappa (\S+)", shown) == [
         (k, "0.50") for k in ("x", "y", "tone")
@@ -316,10 +307,10 @@ def test_what_is_simulated_says_so(found, tmp_path):
     assert "SIMULATED" not in "\n".join(lines(dataclasses.replace(found, simulated=False)))
 
 
-def test_the_command(folder, tmp_path, monkeypatch, capsys):
+def test_the_command(folder, tmp_path):
     answer_file, page = tmp_path / "a.json", tmp_path / "deep" / "r.html"
     arguments = ("analyse", "interaction", folder, "--json", answer_file, "--report", page)
-    code, shown, error = command(monkeypatch, capsys, *arguments)
+    code, shown, error = command(*arguments)
     assert (code, error) == (0, "")
     assert "tracking, VDV (iso2631; smaller is smoother)" in shown
     content = json.loads(answer_file.read_text())
@@ -356,9 +347,9 @@ def changed(folder, tmp_path, old, new, count=1):
         ("simulated = true", "simulated = true\nwindow = 3", "window"),
     ],
 )
-def test_folders_that_are_refused(folder, tmp_path, monkeypatch, capsys, old, new, words):
+def test_folders_that_are_refused(folder, tmp_path, old, new, words):
     copy = changed(folder, tmp_path, old, new)
-    code, shown, error = command(monkeypatch, capsys, "analyse", "interaction", copy)
+    code, shown, error = command("analyse", "interaction", copy)
     assert (code, shown) == (2, "")
     assert "Traceback" not in error
     assert words in " ".join(error.split())
@@ -372,13 +363,13 @@ def test_a_simulated_recording_makes_the_folder_so(folder, tmp_path):
         analyse_interaction(copy)
 
 
-def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path, monkeypatch, capsys):
+def test_a_gap_in_a_recording_is_refused_by_name(folder, tmp_path):
     copy = changed(folder, tmp_path, "simulated", "simulated")
     path = copy / "p3_2_tracking.csv"
     rows = path.read_text().splitlines()
     del rows[1500:1560]
     path.write_text("\n".join(rows) + "\n")
-    code, _, error = command(monkeypatch, capsys, "analyse", "interaction", copy)
+    code, _, error = command("analyse", "interaction", copy)
     assert code == 2
     assert "p3_2_tracking.csv" in error
     assert "gap" in error
@@ -393,14 +384,14 @@ def test_people_with_one_element_are_named(folder, tmp_path):
     assert read_manifest(copy).last_s == 45.0
 
 
-def test_own_data(tmp_path, monkeypatch, capsys):
+def test_own_data(tmp_path):
     """Any CSV; the metrics' values are those of the library, each with its band."""
     path = tmp_path / "mine.csv"
     t, theta = wrist(np.random.default_rng(1), 1.0)
     np.savetxt(path, np.column_stack([t, theta]), "%.9g", ",", header="t,angle_deg", comments="")
     content = tmp_path / "mine.json"
     base = ("smoothness", path, "--column", "angle_deg", "--time", "t")
-    code, shown, error = command(monkeypatch, capsys, *base, "--last", 45, "--json", content)
+    code, shown, error = command(*base, "--last", 45, "--json", content)
     assert (code, error) == (0, "")
     assert "45 s at 60 Hz" in shown
     metrics = json.loads(content.read_text())["metrics"]
@@ -413,21 +404,21 @@ def test_own_data(tmp_path, monkeypatch, capsys):
     for m in metrics:
         assert m["band"]["low"] <= m["value"] <= m["band"]["high"]
     path.write_text("# simulated\n" + path.read_text())
-    code, shown, _ = command(monkeypatch, capsys, *base)
+    code, shown, _ = command(*base)
     assert code == 0
     assert "mine.csv, SIMULATED" in shown
     for last in ("nan", "inf"):
-        code, _, error = command(monkeypatch, capsys, *base, "--last", last)
+        code, _, error = command(*base, "--last", last)
         assert code == 2
         assert f"--last {last}:" in error
     row = tmp_path / "row.csv"
     row.write_text("t,angle_deg\n0,1\n")
-    code, _, error = command(monkeypatch, capsys, "smoothness", row, *base[2:])
+    code, _, error = command("smoothness", row, *base[2:])
     assert code == 2
     assert "1 samples whose times do not rise" in error
-    code, _, error = command(monkeypatch, capsys, *base, "--stop", 40)
+    code, _, error = command(*base, "--stop", 40)
     assert code == 2
     assert "Nyquist" in error
-    code, _, error = command(monkeypatch, capsys, "smoothness", path, "--column", "none")
+    code, _, error = command("smoothness", path, "--column", "none")
     assert code == 2
     assert "no column" in error

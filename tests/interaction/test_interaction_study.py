@@ -28,6 +28,8 @@ from esea_host.study.plan import build_plan
 from esea_host.study.protocol import load_protocol, parse_protocol
 from esea_host.study.scene import Scene
 from esea_host.study.task import Situation, TaskBrokenError, task_named
+from tests.typed import host_command as called
+from tests.typed import typed
 
 pytestmark = pytest.mark.ci
 
@@ -171,21 +173,9 @@ def test_the_shipped_protocol_is_the_published_design():
             assert 120 <= first.rest_before_s <= 180
 
 
-def called(monkeypatch, capsys, *arguments):
-    """Exit code, what was shown, what was said on the error channel."""
-    monkeypatch.setattr("sys.argv", ["esea-host", *map(str, arguments)])
-    try:
-        main()
-        code = 0
-    except SystemExit as stop:
-        code = stop.code or 0
-    shown = capsys.readouterr()
-    return code, shown.out, shown.err
-
-
 @pytest.mark.ci
-def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_path):
-    code, shown, _ = called(monkeypatch, capsys, "study", "check", PROTOCOL)
+def test_check_explains_it_and_names_a_wrong_element(tmp_path):
+    code, shown, _ = called("study", "check", PROTOCOL)
     assert code == 0
     assert "group B: elastomer, then spring" in shown
     assert "last 45 s analysed" in shown
@@ -193,12 +183,12 @@ def test_check_explains_it_and_names_a_wrong_element(monkeypatch, capsys, tmp_pa
         (("--jobs", 0), "not a number of processes"),
         (("--keep", PROTOCOL), "cannot be made"),
     ):
-        code, _, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *given_)
+        code, _, error = called("study", "virtual", "interaction", *given_)
         assert code == 2
         assert words in error
     wrong = tmp_path / "wrong.toml"
     wrong.write_text(PROTOCOL.read_text().replace('element = "spring"', 'element = "springs"'))
-    code, _, error = called(monkeypatch, capsys, "study", "check", wrong)
+    code, _, error = called("study", "check", wrong)
     assert code == 2
     assert "springs" in error
 
@@ -372,12 +362,13 @@ def test_a_person_who_stopped_early_is_left_out_by_name(studied, tmp_path):
 
 
 @pytest.mark.ci
-def test_the_command(monkeypatch, capsys, tmp_path):
+def test_the_command(monkeypatch, tmp_path):
     monkeypatch.setattr("esea_host.interaction.virtual.interaction_protocol", short)
     monkeypatch.setattr("esea_host.interaction.virtual.LAST_S", 5.0)
     answer = tmp_path / "answer.json"
     arguments = ("--participants", 2, "--seed", 3, "--jobs", 1, "--json", answer)
-    code, shown, error = called(monkeypatch, capsys, "study", "virtual", "interaction", *arguments)
-    assert (code, error) == (0, "1 of 2 simulated participants\n2 of 2 simulated participants\n")
-    assert "SIMULATED: no person took part" in shown
+    done = typed("study", "virtual", "interaction", *arguments, program=main)
+    told = "1 of 2 simulated participants\n2 of 2 simulated participants\n"
+    assert (done.returncode, done.stderr) == (0, told)
+    assert "SIMULATED: no person took part" in done.stdout
     assert json.loads(answer.read_text())["simulated"] is True

@@ -13,11 +13,11 @@ import pytest
 import esea_host
 from esea_gen.link.signing import key_folder, new_key, read_key, stored_keys, write_key
 from esea_gen.link.transport import LinkError
-from esea_host.cli import main
 from esea_host.simulated import SimulatedBoard
 from esea_host.simulated.server import serve_hosts
 from tests.conducted import TRACKING, of_tasks, study_of
 from tests.conftest import until
+from tests.typed import host_command
 
 
 @pytest.fixture
@@ -36,15 +36,12 @@ def address(tmp_path, monkeypatch, busy_machine):
 
 
 @pytest.fixture
-def command(monkeypatch, capsys):
+def command():
     """Exit code and output of a command."""
 
     def run(*words: object) -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["esea-host", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return int(ended.value.code or 0), " ".join((said.out + said.err).split())
+        code, shown, said = host_command(*words)
+        return code, " ".join((shown + said).split())
 
     return run
 

@@ -33,6 +33,7 @@ from esea_host.simulated import LockstepDevice, SimulatedBoard
 from esea_host.simulated import server as simulated_server
 from esea_host.simulated.server import serve_hosts
 from tests.conftest import ROOT, until
+from tests.typed import typed
 
 
 @pytest.fixture
@@ -470,15 +471,13 @@ def test_a_recording_of_a_board_that_goes_away_is_kept_and_says_so(
 
 
 @pytest.mark.ci
-def test_the_terminal_and_scripts_see_it_too(server, tmp_path, capsys, monkeypatch):
+def test_the_terminal_and_scripts_see_it_too(server, tmp_path):
     """monitor --jsonl, record, show and parameters, over TCP to the simulated board."""
 
     def said(*words: str) -> str:
-        monkeypatch.setattr("sys.argv", ["esea-host", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 0, capsys.readouterr()
-        return capsys.readouterr().out
+        done = typed(*words, program=main)
+        assert done.returncode == 0, done
+        return done.stdout
 
     address = f"tcp:127.0.0.1:{server}"
     lines = said("monitor", address, "--jsonl", "--seconds", "0.3").splitlines()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import esea_gen
-from esea_gen.cli import main
 from esea_gen.errors import UserError
 from esea_gen.studies.torque_check.check import TorqueCheck
 from esea_gen.studies.torque_check.procedure import (
@@ -22,6 +22,7 @@ from esea_gen.studies.torque_check.procedure import (
     static_torque_Nm,
 )
 from esea_gen.studies.torque_check.recording import CheckRecording, apply_recording
+from tests import typed
 
 FULL = 4.47
 TORQUE = 1.0 * 9.81 * 0.2
@@ -398,18 +399,9 @@ def test_a_recording_is_taken_whole_or_not_at_all(elbow):
 
 
 @pytest.fixture
-def command(tmp_path, monkeypatch, capsys):
+def command(tmp_path):
     """Run the command line in this process, in a folder of its own."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr("sys.argv", ["esea-gen", "torque-check", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        shown = capsys.readouterr()
-        return int(left.value.code or 0), shown.out, " ".join(shown.err.split())
-
-    return call
+    return partial(typed.command, "torque-check", cwd=tmp_path)
 
 
 LOAD = ("--mass", 1.0, "--arm", 0.2)

@@ -17,12 +17,7 @@ from esea_gen.errors import UserError
 from esea_gen.studies.tracking import TuningCase
 from esea_gen.studies.tuning_sweep import Trial, extremes, tune
 from tests.own_device import own_device, own_text
-from tests.typed import typed
-
-
-def command(*arguments: object) -> tuple[int, str, str]:
-    done = typed(*arguments)
-    return done.returncode, done.stdout, " ".join(done.stderr.split())
+from tests.typed import command
 
 
 def trial(value: float, **figures) -> Trial:

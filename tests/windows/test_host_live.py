@@ -19,7 +19,6 @@ import pytest
 import esea_host
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
-from esea_host.cli import main
 from esea_host.connection import PlayedBoard
 from esea_host.simulated import LockstepDevice
 from esea_host.simulated.server import Hands, serve_hosts
@@ -27,6 +26,7 @@ from esea_host.windows.feed import LiveFeed
 from esea_host.windows.meanings import fault_text, limit_flags, mode_text, state_text
 from esea_host.windows.operator import DemoOperator
 from tests.conftest import require_tool
+from tests.typed import host_command
 
 
 def test_numbers_become_words(lockstep):
@@ -53,15 +53,13 @@ def test_the_host_tool_loads_without_windows():
     subprocess.run([sys.executable, "-c", code], env=dict(os.environ), check=True)
 
 
-def test_without_a_screen_the_view_says_what_else_there_is(monkeypatch, capsys):
+def test_without_a_screen_the_view_says_what_else_there_is(monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(sys, "argv", ["esea-host", "view", "sim:elbow_drive"])
     monkeypatch.setattr(sys, "platform", "linux")
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "esea-host monitor" in capsys.readouterr().err
+    code, _, said = host_command("view", "sim:elbow_drive")
+    assert code == 2
+    assert "esea-host monitor" in said
 
 
 def test_arming_that_the_limits_refuse_is_told(lockstep):
