@@ -110,7 +110,7 @@ def run_cli(*arguments: str):
 
 
 def test_the_command_runs_both_tasks(native, monkeypatch, tmp_path):
-    monkeypatch.setattr("esea_gen.board.firmware.build_firmware", lambda *_: native)
+    monkeypatch.setattr("esea_gen.report.findings.build_firmware", lambda *_: native)
     path = tmp_path / "out.json"
     done = run_cli("elbow_drive", "--board", "host", "--seconds", "0.3", "--json", str(path))
     assert done.exit_code == 0, done.output
@@ -131,7 +131,7 @@ def test_the_command_fails_on_a_difference(native, drive, monkeypatch):
         found["sense"]["tau_Nm"][3] += 1
         return found
 
-    monkeypatch.setattr("esea_gen.board.firmware.build_firmware", lambda *_: native)
+    monkeypatch.setattr("esea_gen.report.findings.build_firmware", lambda *_: native)
     monkeypatch.setattr(emulator, "run_schedule", other)
     done = run_cli("elbow_drive", "--board", "host", "--seconds", "0.05")
     assert done.exit_code == 1
