@@ -24,10 +24,13 @@ AXES = DEVICE.axes
 WALL = {"base": "wrist_drive", "name": "wrist_published", "impairment": {"wall": "published"}}
 
 
-@pytest.mark.parametrize("axis", [AXES[0], pytest.param(AXES[1], marks=pytest.mark.ci)])
-def test_one_axis_follows_and_the_other_stays_without_torque(axis):
+@pytest.mark.parametrize(
+    ("axis", "controller"),
+    [(AXES[0], "wrist_drive"), pytest.param(AXES[1], "mpc@wrist_drive", marks=pytest.mark.ci)],
+)
+def test_one_axis_follows_and_the_other_stays_without_torque(axis, controller):
     case = load_study("tuning", ClosedLoopStudy).cases()[0]
-    run = run_case(case, Setting("wrist_drive", "real", "none", axis=axis), 3)
+    run = run_case(case, Setting(controller, "real", "none", axis=axis), 3)
     w = case.trajectory.window
     error = run["tau_e_Nm"][w] - case.trajectory.tau_desired_Nm[w]
     assert np.sqrt(np.mean(error**2)) < 0.06
