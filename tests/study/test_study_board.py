@@ -102,6 +102,22 @@ def test_what_the_board_tells_is_what_the_task_gets_and_every_run_is_recorded(be
     assert lockstep.state() != "ACTIVE"  # disarmed with the source's end
 
 
+def test_a_trial_that_is_repeated_is_cut_again(begun, lockstep):
+    session, source = begun(of_tasks(TRACKING))
+    session.run()
+    source.close()
+    session.repeat(2, "a cough")
+    session.close()
+    study, folder = StudyFolder.open(session.log.path.parents[2]), session.log.path.parent
+    write_recording(folder / "encoder-1.csv", [1, 2], [0, 0], [0, 0], True)
+    write_recording(folder / "encoder-2.csv", [1, 2], [0, 0], [0, 0], True)
+    again = BoardSource(lockstep, folder, True, lockstep.advance)
+    study.session("P01", 0, again).run()
+    again.close()
+    assert cut_trials(study) == 1
+    assert len(read_angle(folder / "encoder-2.csv")[0]) == 1000
+
+
 def test_what_counts_is_what_came_after_the_last_pause(tmp_path):
     time_s = np.arange(1, 11) / 10
     paused = paused_at(

@@ -245,7 +245,7 @@ TICK_NS = 1_000_000  # of the sensing task
 
 
 def cut_trials(study: StudyFolder) -> int:
-    """Write the recording of every completed interaction trial that has none yet."""
+    """Write the recording of every completed interaction trial that has none, or was repeated."""
     written = 0
     for code, number, path in study.sessions():
         recordings = BoardRecordings(path.parent)
@@ -256,16 +256,18 @@ def cut_trials(study: StudyFolder) -> int:
             study.leave_out(path, error)
             found = []
         for trace in found:
-            target = path.parent / recording_name(trace.trial.number)
-            if trace.trial.task.startswith("interaction.") and not target.exists():
-                written += _cut(trace, recordings, target)
+            if trace.trial.task.startswith("interaction."):
+                written += _cut(trace, recordings, path.parent)
         recordings.close()
     return written
 
 
-def _cut(trace: TrialTrace, recordings: BoardRecordings, target: Path) -> bool:
-    number = trace.trial.number
+def _cut(trace: TrialTrace, recordings: BoardRecordings, folder: Path) -> bool:
+    number, target = trace.trial.number, folder / recording_name(trace.trial.number)
     done = [a for a in recordings.attempts if a.number == number and a.state == COMPLETED]
+    if target.exists() and len(done) < 2:
+        return False
+    target.unlink(missing_ok=True)  # of a repeated trial: may be of its first attempt
     if not done:
         raise UserError(
             f"Trial {number} is in none of {', '.join(p.name for p in recordings.paths)}.",
