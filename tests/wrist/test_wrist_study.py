@@ -244,7 +244,7 @@ def test_learning_takes_medians_over_blocks():
     rows = [row("1", True, 100), row("1", False, 9), row("2", True, 200), row("2", True, 300)]
     rows += [row("3", False, 9), row("3", True, 50, catch=True, furthest=6.5)]
     found = analysis.learning(rows)
-    assert found["achieved_RU"] == 1
+    assert found["achieved_RU"] == 7.5  # of 15 if all had been run: of 7.5, 15 and 0
     assert found["sse_RU_deg2"] == pytest.approx(175)  # of 100 and 250
     assert found["after_effect_deg"] == pytest.approx(-2.5)
     assert found["sse_FE_deg2"] is None

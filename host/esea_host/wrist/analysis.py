@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 PADDED = 16
 # Peaks below this share of the largest are corrections, not movements.
 LEAST_PEAK = 0.25
+TARGETS = 15  # of an axis in a block
 Values = Mapping[str, float | None]
 
 
@@ -55,9 +56,9 @@ TRACKED = (
 LEARNED = tuple(
     (metric, unit, f"{name} 1", f"{name} 2")
     for metric, unit, name in (
-        ("FE targets achieved", "of 15", "achieved_FE"),
+        ("FE targets achieved", f"of {TARGETS}", "achieved_FE"),
         ("FE SSE", "deg^2", "sse_FE_deg2"),
-        ("RU targets achieved", "of 15", "achieved_RU"),
+        ("RU targets achieved", f"of {TARGETS}", "achieved_RU"),
         ("RU SSE", "deg^2", "sse_RU_deg2"),
         ("after-effect", "deg", "after_effect_deg"),
     )
@@ -305,7 +306,8 @@ def learning(rows: Sequence[Row]) -> dict[str, float | None]:
         for block in blocks:
             own = [r for r in rows if r["block"] == block and r["axis"] == axis and not r["catch"]]
             caught = [r["sse_deg2"] for r in own if r["achieved"]]
-            counts.append(len(caught))
+            if own:  # of a block that was cut short, the share of those shown
+                counts.append(TARGETS * len(caught) / len(own))
             if caught:
                 errors.append(float(np.median(caught)))
         found[f"achieved_{axis}"] = float(np.median(counts)) if counts else None
