@@ -10,7 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from esea_host.cli import app
-from esea_host.interaction.recordings import MANIFEST, recording_name, write_recording
+from esea_host.interaction.recordings import (
+    MANIFEST,
+    read_manifest,
+    recording_name,
+    write_recording,
+)
 from esea_host.interaction.virtual import PREFIX, interaction_protocol, write_manifest
 from esea_host.study.exchange import veiled_names
 from esea_host.study.folder import StudyFolder
@@ -128,6 +133,12 @@ def test_the_interaction_study_by_neutral_elements(tmp_path):
     for element in ("spring", "elastomer"):
         assert median(open_, element) == median(done.output, names[element])
     assert "Table 6.3, spring and elastomer" in open_
+    # Settings of the reader outlive the next session.
+    sealed = study.path / PRIVATE / MANIFEST
+    sealed.write_text(f'survey = "s\u00fc.csv"\n{sealed.read_text()}', encoding="utf-8")
+    write_manifest(study.path, 6.0)
+    found = read_manifest(study.path)
+    assert (found.survey, found.last_s) == ("s\u00fc.csv", 5.0)
 
 
 def test_blinding_is_of_a_study(tmp_path):

@@ -11,7 +11,7 @@ from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -85,13 +85,18 @@ class Recordings:
     read: tuple[str, ...]
 
 
-def read_manifest(folder: Path) -> Manifest:
-    """The manifest, checked against the cross-over's design."""
+def document_of(folder: Path) -> tuple[Path, str, dict[str, Any]]:
+    """The manifest's file, text and content, unchecked."""
     path = folder / MANIFEST
     if not path.exists() and (sealed := folder / PRIVATE / MANIFEST).exists():
         path = sealed  # its operator is blinded
     text = read_text(path, f"Give a folder with {MANIFEST}; see the page on interaction quality.")
-    document = parse_toml(text, path.name, "the page on interaction quality")
+    return path, text, parse_toml(text, path.name, "the page on interaction quality")
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest, checked against the cross-over's design."""
+    path, text, document = document_of(folder)
     manifest = checked(Manifest, document, path.name, lambda _: None, text)
     seen: dict[tuple[str, str, int], str] = {}
     groups: dict[str, str] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from functools import partial
@@ -11,7 +12,13 @@ import numpy as np
 
 from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
-from esea_host.interaction.recordings import MANIFEST, is_simulated, recording_name, write_recording
+from esea_host.interaction.recordings import (
+    MANIFEST,
+    document_of,
+    is_simulated,
+    recording_name,
+    write_recording,
+)
 from esea_host.interaction.rig import ElementRig, RigPlayer, compile_rig, law_ends
 from esea_host.people.hand import Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
@@ -28,6 +35,7 @@ PROTOCOL = Path(__file__).parent / "protocol.toml"
 PREFIX = "interaction."
 # Analysed of each task, as published.
 LAST_S = 45.0
+SETTINGS = ("last_s", "stop_Hz", "survey", "comments")
 
 
 class RigSource(SimulatedSource):
@@ -105,7 +113,9 @@ def run_crossover(
 
 
 def write_manifest(folder: Path, last_s: float) -> None:
-    """Name the recordings that a study has, for the analysis; familiarisation is left out."""
+    """Name the study's recordings for the analysis, not familiarisation; settings there stay."""
+    there = (folder / MANIFEST).exists() or (folder / PRIVATE / MANIFEST).exists()
+    given = {"last_s": last_s} | (document_of(folder)[2] if there else {})
     study = StudyFolder.open(folder, durable=False, runs=False)
     lines = []
     simulated = False
@@ -128,6 +138,7 @@ def write_manifest(folder: Path, last_s: float) -> None:
                 "",
             ]
     # One that is simulated makes the study so.
-    head = [f"simulated = {str(simulated).lower()}", f"last_s = {last_s:g}", ""]
+    own = {"simulated": simulated} | {k: given[k] for k in SETTINGS if k in given}
+    head = [f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in own.items()] + [""]
     place = folder / PRIVATE if study.blinded("operator") else folder
     write_whole(place / MANIFEST, "\n".join([*head, *lines]))
