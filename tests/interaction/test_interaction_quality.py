@@ -20,6 +20,7 @@ from esea_host.interaction.recordings import read_manifest
 from esea_host.interaction.rig import ELEMENTS, PUBLISHED_NM_DEG, element_device, simulated_loading
 from esea_host.interaction.survey import read_comments, read_survey
 from esea_host.interaction.words import lines
+from esea_host.study.log import EventLog
 from tests.browser import browser, readable
 from tests.typed import host_command as command
 
@@ -382,6 +383,16 @@ def test_people_with_one_element_are_named(folder, tmp_path):
     assert left.left_out == ("p7 (tracking)",)
     assert len(left.people) == len(left.comparisons[0].people) == 7
     assert read_manifest(copy).last_s == 45.0
+
+
+def test_answers_of_another_group_are_refused_and_withdrawn_ones_left_out(folder, tmp_path):
+    copy = changed(folder, tmp_path, "simulated = true", 'simulated = true\nsurvey = "s.csv"')
+    (copy / "s.csv").write_text(HEADER + "p0,A,1,1,1,1\np1,A,1,1,1,1\n")
+    with pytest.raises(UserError, match="line 3: p1 in group A, in the study in B"):
+        analyse_interaction(copy)
+    with EventLog(copy / "audit.jsonl") as log:
+        log.append(None, "withdraw", {"participant": "p1"})
+    assert list(analyse_interaction(copy).survey.people) == ["p0"]
 
 
 def test_own_data(tmp_path):

@@ -28,6 +28,7 @@ from esea_host.interaction.recordings import Recordings, TaskRecordings, read_re
 from esea_host.interaction.survey import Comments, Survey, read_comments, read_survey
 from esea_host.smoothness import NoAnswerError, SmoothnessResult
 from esea_host.statistics.checks import StatisticResult
+from esea_host.study.records import gone_from
 
 Array = npt.NDArray[np.float64]
 
@@ -125,6 +126,7 @@ def analyse_interaction(
     device = statistics.holm([c.device.p for c in comparisons])
     block = statistics.holm([c.block.p for c in comparisons])
     manifest = found.manifest
+    known = gone_from(folder), {e.participant: e.group for e in manifest.recording}
     return InteractionAnalysis(
         folder.name,
         manifest.simulated,
@@ -135,7 +137,7 @@ def analyse_interaction(
             replace(c, device_holm=float(d), block_holm=float(b))
             for c, d, b in zip(comparisons, device, block, strict=True)
         ),
-        read_survey(folder / manifest.survey) if manifest.survey and not blinded else None,
+        read_survey(folder / manifest.survey, *known) if manifest.survey and not blinded else None,
         read_comments(folder / manifest.comments) if manifest.comments and not blinded else None,
     )
 

@@ -11,7 +11,7 @@ one row each.  Themes and tones are words; tones: positive, negative, neutral.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,10 +38,14 @@ COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
 
 
 def read_rows(
-    path: Path, needed: Sequence[str]
+    path: Path, needed: Sequence[str], gone: Collection[str] = ()
 ) -> tuple[FileTable, list[tuple[str, dict[str, str]]]]:
-    """A table of texts that has these columns, and each row with its place for messages."""
+    """A table of texts that has these columns, and each row with its place for messages.
+
+    gone: in the first column, who has withdrawn.
+    """
     table = read_table(path, needed, name=path.name)
+    table = table.kept([t not in gone for t in table.texts(needed[0])], "a person who withdrew")
     if not len(table):
         raise UserError(f"{path.name}: no rows.", "Add one row per entry.")
     columns = zip(*(table.texts(n) for n in needed), strict=True)
@@ -129,15 +133,22 @@ def survey_form(words: Words) -> str:
     return template.render(language=words.language, words=words, levels=KEYS, questions=QUESTIONS)
 
 
-def read_survey(path: Path) -> Survey:
+def read_survey(
+    path: Path, gone: Collection[str] = (), groups: Mapping[str, str] | None = None
+) -> Survey:
+    """gone: people who have withdrawn; groups: of people in the study, as the answers must say."""
     people: dict[str, str] = {}
     answers: dict[str, list[int]] = {q: [] for q in QUESTIONS}
-    table, rows = read_rows(path, ("participant", "group", *QUESTIONS))
+    table, rows = read_rows(path, ("participant", "group", *QUESTIONS), gone)
     for where, row in rows:
         who, group = row["participant"], row["group"]
         if group not in FIRST:
             fix = "Give A (spring first) or B (elastomer first)."
             raise UserError(f"{where}: group {group!r}.", fix)
+        if (known := (groups or {}).get(who, group)) != group:
+            raise UserError(
+                f"{where}: {who} in group {group}, in the study in {known}.", "Correct the group."
+            )
         if who in people or not who:
             raise UserError(
                 f"{where}: participant {who!r} is repeated or empty.", "Give one row each."
