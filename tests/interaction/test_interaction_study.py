@@ -17,9 +17,9 @@ from esea_host.interaction import tasks
 from esea_host.interaction.analysis import analyse_interaction
 from esea_host.interaction.design import element_of
 from esea_host.interaction.figures import render_report
-from esea_host.interaction.recordings import read_angle, read_manifest
+from esea_host.interaction.recordings import read_angle, read_manifest, write_manifest
 from esea_host.interaction.rig import HANDLE_KGM2, ElementRig, RigPlayer
-from esea_host.interaction.virtual import PROTOCOL, RigSource, run_crossover, write_manifest
+from esea_host.interaction.virtual import PROTOCOL, RigSource, run_crossover
 from esea_host.interaction.words import lines
 from esea_host.people.person import Limb, PersonModel, person
 from esea_host.study.folder import StudyFolder

@@ -12,11 +12,13 @@ from typer.testing import CliRunner
 from esea_host.cli import app
 from esea_host.interaction.recordings import (
     MANIFEST,
+    PREFIX,
     read_manifest,
     recording_name,
+    write_manifest,
     write_recording,
 )
-from esea_host.interaction.virtual import PREFIX, interaction_protocol, write_manifest
+from esea_host.interaction.virtual import interaction_protocol
 from esea_host.study.exchange import veiled_names
 from esea_host.study.folder import StudyFolder
 from esea_host.study.log import EventLog

@@ -370,8 +370,8 @@ def _remains(path: Path) -> bool:
 
 def _name_recordings(study: StudyFolder) -> None:
     # What the rig or the board has recorded, for analyse interaction.
-    from esea_host.interaction.recordings import cut_trials, recording_name
-    from esea_host.interaction.virtual import LAST_S, write_manifest
+    from esea_host.interaction.recordings import cut_trials, recording_name, write_manifest
+    from esea_host.interaction.virtual import LAST_S
 
     cut_trials(study)
     if any(study.path.glob(f"*/session-*/{recording_name('*')}")):

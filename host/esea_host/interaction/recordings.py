@@ -6,9 +6,10 @@ has ``paused``, only the rows after the last pause count.
 
 from __future__ import annotations
 
+import json
 import warnings
 from codecs import BOM_UTF8
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -34,7 +35,8 @@ from esea_host.study.session import COMPLETED
 from esea_host.study.task import task_named
 
 Array = npt.NDArray[np.float64]
-MANIFEST = "interaction.toml"
+MANIFEST, PREFIX = "interaction.toml", "interaction."
+SETTINGS = ("last_s", "stop_Hz", "survey", "comments")
 SIMULATED = "# simulated\n"
 # Kept before the analysed part, for the filter to settle.
 SETTLE_S = 3.0
@@ -85,8 +87,7 @@ class Recordings:
     read: tuple[str, ...]
 
 
-def document_of(folder: Path) -> tuple[Path, str, dict[str, Any]]:
-    """The manifest's file, text and content, unchecked."""
+def _document(folder: Path) -> tuple[Path, str, dict[str, Any]]:
     path = folder / MANIFEST
     if not path.exists() and (sealed := folder / PRIVATE / MANIFEST).exists():
         path = sealed  # its operator is blinded
@@ -96,7 +97,7 @@ def document_of(folder: Path) -> tuple[Path, str, dict[str, Any]]:
 
 def read_manifest(folder: Path) -> Manifest:
     """The manifest, checked against the cross-over's design."""
-    path, text, document = document_of(folder)
+    path, text, document = _document(folder)
     manifest = checked(Manifest, document, path.name, lambda _: None, text)
     seen: dict[tuple[str, str, int], str] = {}
     groups: dict[str, str] = {}
@@ -117,6 +118,31 @@ def read_manifest(folder: Path) -> Manifest:
                 "Remove the invalid one.",
             )
     return manifest
+
+
+def write_manifest(folder: Path, last_s: float) -> None:
+    """Name the study's recordings for the analysis, not familiarisation; settings there stay."""
+    there = (folder / MANIFEST).exists() or (folder / PRIVATE / MANIFEST).exists()
+    given = {"last_s": last_s} | (_document(folder)[2] if there else {})
+    study = StudyFolder.open(folder, durable=False, runs=False)
+    lines, groups, simulated = list[str](), study.allocations, False
+    for code in study.participants():
+        for row in study.rows(code, strict=False):
+            block = row["session"] + 1
+            file = f"{code}/session-{block}/{recording_name(row['trial'])}"
+            if row["familiarisation"] or not (folder / file).exists():
+                continue
+            simulated |= is_simulated(folder / file)  # one makes the study so
+            entry: dict[str, Any] = {"file": file, "participant": code, "block": block}
+            entry |= {"group": groups.group(code), "element": row["element"]}
+            lines += ["[[recording]]", *_keys(entry | {"task": row["task"].removeprefix(PREFIX)})]
+    own = {"simulated": simulated, **{k: given[k] for k in SETTINGS if k in given}}
+    place = folder / PRIVATE if study.blinded("operator") else folder
+    write_whole(place / MANIFEST, "\n".join([*_keys(own), *lines, ""]))
+
+
+def _keys(values: Mapping[str, Any]) -> list[str]:
+    return [f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in values.items()]
 
 
 def recording_name(trial: int | str) -> str:
@@ -261,7 +287,7 @@ def cut_trials(study: StudyFolder) -> int:
             study.leave_out(path, error)
             found = []
         for trace in found:
-            if trace.trial.task.startswith("interaction."):
+            if trace.trial.task.startswith(PREFIX):
                 written += _cut(trace, recordings, path.parent)
         recordings.close()
     return written

@@ -40,10 +40,7 @@ COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
 def read_rows(
     path: Path, needed: Sequence[str], gone: Collection[str] = ()
 ) -> tuple[FileTable, list[tuple[str, dict[str, str]]]]:
-    """A table of texts that has these columns, and each row with its place for messages.
-
-    gone: in the first column, who has withdrawn.
-    """
+    """A table of texts, and each row with its place; gone: of the first column, who withdrew."""
     table = read_table(path, needed, name=path.name)
     table = table.kept([t not in gone for t in table.texts(needed[0])], "a person who withdrew")
     if not len(table):

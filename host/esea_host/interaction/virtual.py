@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from functools import partial
@@ -10,32 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from esea_gen.files import write_whole
 from esea_host.interaction.design import ELEMENTS, SPRING
-from esea_host.interaction.recordings import (
-    MANIFEST,
-    document_of,
-    is_simulated,
-    recording_name,
-    write_recording,
-)
+from esea_host.interaction.recordings import recording_name, write_manifest, write_recording
 from esea_host.interaction.rig import ElementRig, RigPlayer, compile_rig, law_ends
 from esea_host.people.hand import Pointer
 from esea_host.people.person import PersonModel, VirtualParticipant
 from esea_host.people.source import VirtualPeople
-from esea_host.study.folder import StudyFolder
 from esea_host.study.many import code_of, run_everybody
-from esea_host.study.privacy import PRIVATE
 from esea_host.study.protocol import Protocol, parse_protocol
 from esea_host.study.session import COMPLETED
 from esea_host.study.source import Gauge, SimulatedSource
 from esea_host.study.task import Situation, StudyTask
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
-PREFIX = "interaction."
 # Analysed of each task, as published.
 LAST_S = 45.0
-SETTINGS = ("last_s", "stop_Hz", "survey", "comments")
 
 
 class RigSource(SimulatedSource):
@@ -110,35 +98,3 @@ def run_crossover(
     early = run_everybody(folder, asked, participants, people, jobs, cluster, say)
     write_manifest(folder, LAST_S if last_s is None else last_s)
     return early
-
-
-def write_manifest(folder: Path, last_s: float) -> None:
-    """Name the study's recordings for the analysis, not familiarisation; settings there stay."""
-    there = (folder / MANIFEST).exists() or (folder / PRIVATE / MANIFEST).exists()
-    given = {"last_s": last_s} | (document_of(folder)[2] if there else {})
-    study = StudyFolder.open(folder, durable=False, runs=False)
-    lines = []
-    simulated = False
-    groups = study.allocations
-    for code in study.participants():
-        for row in study.rows(code, strict=False):
-            block = row["session"] + 1
-            file = f"{code}/session-{block}/{recording_name(row['trial'])}"
-            if row["familiarisation"] or not (folder / file).exists():
-                continue
-            simulated |= is_simulated(folder / file)
-            lines += [
-                "[[recording]]",
-                f'file = "{file}"',
-                f'participant = "{code}"',
-                f'group = "{groups.group(code)}"',
-                f"block = {block}",
-                f'element = "{row["element"]}"',
-                f'task = "{row["task"].removeprefix(PREFIX)}"',
-                "",
-            ]
-    # One that is simulated makes the study so.
-    own = {"simulated": simulated} | {k: given[k] for k in SETTINGS if k in given}
-    head = [f"{k} = {json.dumps(v, ensure_ascii=False)}" for k, v in own.items()] + [""]
-    place = folder / PRIVATE if study.blinded("operator") else folder
-    write_whole(place / MANIFEST, "\n".join([*head, *lines]))
