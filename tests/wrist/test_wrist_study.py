@@ -98,6 +98,12 @@ def rows_of(impairment: bool, high: float, rate: float) -> list[dict]:
 PAST = (*rows_of(False, 50.0, 0.25), *rows_of(True, 6.0, 0.2))
 
 
+def test_a_range_on_a_mirrored_axis_says_so():
+    past = [{**r, "end_deg": 0.0} for r in rows_of(False, 50.0, 0.25) if "end_deg" in r]
+    with pytest.raises(UserError, match=r"RU is 0.0 to 0.0 deg.*left wrist"):
+        calibrated(past, False).range_of("RU")
+
+
 def catch(**given):
     task = task_named("wrist.catch", "")
     return task, task.begin(Situation(task.Parameters(**given), "", PAST, 1))
@@ -201,7 +207,7 @@ def test_a_task_without_its_calibration_says_so():
     task = task_named("wrist.track", "")
     with pytest.raises(UserError, match="no healthy movement block 0"):
         task.begin(Situation(task.Parameters(), "", (), 1))
-    with pytest.raises(UserError, match="has not been measured"):
+    with pytest.raises(UserError, match="not measured both ways"):
         task_named("wrist.catch", "").begin(Situation(catch()[1].parameters, "", (), 1))
 
 

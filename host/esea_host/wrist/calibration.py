@@ -106,12 +106,13 @@ class Calibrated:
     traces: Mapping[str, tuple[tuple[Sequence[float], Sequence[float]], ...]]
 
     def range_of(self, axis: str) -> tuple[float, float]:
-        if axis not in self.ends or not self.ends[axis][0] < self.ends[axis][1]:
+        low, high = self.ends.get(axis, (0.0, 0.0))
+        if not low < high:
             raise UserError(
-                f"The range of {axis} has not been measured both ways.",
-                "Put wrist.range in both directions before this trial.",
+                f"The range of {axis} is {low:.1f} to {high:.1f} deg, or not measured both ways.",
+                "Put wrist.range both ways before this; a left wrist's deviation is mirrored.",
             )
-        return self.ends[axis]
+        return low, high
 
     def nodes(self, axis: str) -> list[float]:
         return node_places(*self.range_of(axis))
