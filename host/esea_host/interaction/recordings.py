@@ -38,8 +38,7 @@ Array = npt.NDArray[np.float64]
 MANIFEST, PREFIX = "interaction.toml", "interaction."
 SETTINGS = ("last_s", "stop_Hz", "survey", "comments")
 SIMULATED = "# simulated\n"
-# Kept before the analysed part, for the filter to settle.
-SETTLE_S = 3.0
+SETTLE_S = 3.0  # before the analysed part, for the filter to settle
 
 
 class RecordingEntry(BaseModel):
@@ -220,7 +219,7 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
         both = [p for p in people if sum(e.participant == p for e in entries) == 2]
         left_out += [f"{p} ({task})" for p in people if p not in both]
         if whole := [e for e in entries if e.participant in both]:
-            tasks.append(_stacked(folder, manifest, task, whole, tables))
+            tasks.append(_stacked(folder, manifest, whole, tables))
     if not tasks:
         known = ", ".join(left_out) or "no recordings"
         raise UserError(
@@ -235,12 +234,9 @@ def read_recordings(folder: Path, swapped: bool = False) -> Recordings:
 
 
 def _stacked(
-    folder: Path,
-    manifest: Manifest,
-    task: str,
-    entries: list[RecordingEntry],
-    tables: list[FileTable],
+    folder: Path, manifest: Manifest, entries: list[RecordingEntry], tables: list[FileTable]
 ) -> TaskRecordings:
+    task = entries[0].task
     people = sorted({e.participant for e in entries})
     groups = {e.participant: e.group for e in entries}
     angles: dict[tuple[str, str], Array] = {}

@@ -32,7 +32,6 @@ from esea_host.study.words import Words, languages, words_of
 QUESTIONS = ("comfort", "naturalness", "control", "effort")
 LEVELS = {"much less": -2, "less": -1, "no different": 0, "more": 1, "much more": 2}
 KEYS = ("much_less", "less", "no_different", "more", "much_more")
-_SYNONYMS = {"no difference": 0, "same": 0, "equal": 0}
 # Two hues that people with any common colour blindness tell apart; grey for no difference.
 COLOURS = ("#8c510a", "#d8b365", "#d0d4d8", "#5ab4ac", "#01665e")
 
@@ -111,7 +110,7 @@ class Survey(StatisticResult):
 def answer(word: str, where: str) -> int:
     plain = " ".join(word.lower().replace("_", " ").split())
     every = [words_of(language) for language in languages()]
-    known = {**LEVELS, **_SYNONYMS}
+    known = {**LEVELS, "no difference": 0, "same": 0, "equal": 0}
     known |= {w(f"survey.{key}"): k - 2 for w in every for k, key in enumerate(KEYS)}
     if plain in known:
         return known[plain]
@@ -155,11 +154,6 @@ def read_survey(
             # First against second device; for group B that is elastomer against spring.
             sign = 1 if FIRST[group] == SPRING else -1
             answers[q].append(sign * answer(row[q], f"{where}, {q}"))
-    return survey_of(people, answers, table.report())
-
-
-def survey_of(people: dict[str, str], answers: dict[str, list[int]], read: str) -> Survey:
-    """Tests of answers that are already in the form spring against elastomer."""
     tests = {q: statistics.signed_rank(a) if any(a) else None for q, a in answers.items()}
     adjusted = statistics.holm([1.0 if t is None else t.p for t in tests.values()])
     return Survey(
@@ -168,7 +162,7 @@ def survey_of(people: dict[str, str], answers: dict[str, list[int]], read: str) 
             Question(q, tuple(answers[q]), tests[q], float(p))
             for q, p in zip(answers, adjusted, strict=True)
         ),
-        read,
+        table.report(),
     )
 
 

@@ -22,8 +22,7 @@ from esea_host.study.source import Gauge, SimulatedSource
 from esea_host.study.task import Situation, StudyTask
 
 PROTOCOL = Path(__file__).parent / "protocol.toml"
-# Analysed of each task, as published.
-LAST_S = 45.0
+LAST_S = 45.0  # analysed of each task, as published
 
 
 class RigSource(SimulatedSource):

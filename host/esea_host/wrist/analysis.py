@@ -18,10 +18,8 @@ from esea_host.study.log import well_formed
 
 Row = Mapping[str, Any]
 Array = npt.NDArray[np.float64]
-# A spectrum of some seconds is coarse: the transform is taken over this many times its length.
-PADDED = 16
-# Peaks below this share of the largest are corrections, not movements.
-LEAST_PEAK = 0.25
+PADDED = 16  # a spectrum of some seconds is coarse: transformed over so many times its length
+LEAST_PEAK = 0.25  # below this share of the largest, peaks are corrections, not movements
 TARGETS = 15  # of an axis in a block
 Values = Mapping[str, float | None]
 
@@ -145,7 +143,7 @@ class WristResult:
 def analyse(folder: Path, blinded: bool = False) -> WristResult:
     study = StudyFolder.open(folder, durable=False, runs=False)
     blinded = blinded or any(study.blinded(role) for role in ("operator", "analyst"))
-    left_out = omissions(study)
+    left_out = tuple(omissions(study))
     codes = sorted({c for c, _, _ in study.sessions()})
     by_code = {c: study.rows(c, strict=False) for c in codes}
     tracked, learned = {}, {}
@@ -181,7 +179,7 @@ def analyse(folder: Path, blinded: bool = False) -> WristResult:
         }
     tables = {title: _tested(table, people[title]) for title, table in tested.items()}
     given = study.simulated, len(by_code), tables, people, sides
-    return WristResult(*given, blinded, tuple(left_out))
+    return WristResult(*given, blinded, left_out)
 
 
 def _tracked(rows: Sequence[Row]) -> dict[str, Values]:
