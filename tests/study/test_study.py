@@ -381,7 +381,10 @@ def test_from_an_empty_folder_to_the_data(tmp_path):
     assert "1 participants" in call("export", folder, "--check")
     assert "Session 1, first; begun: 1, complete: 1" in call("status", folder)
     assert "no more sessions" in call("withdraw", folder, "P01")
-    assert "1 files deleted" in call("delete", folder, "P01", "--reason", "asked")
+    gone = call("delete", folder, "P01", "--reason", "asked")
+    assert "1 files deleted" in gone
+    shared = json.loads((tmp_path / "out" / "rows.jsonl").read_text().splitlines()[0])
+    assert f"exports on record: 1; delete {shared['participant']} there too" in gone
 
 
 def test_the_task_file_may_be_named_on_the_command_line(tmp_path):

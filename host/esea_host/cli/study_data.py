@@ -75,10 +75,15 @@ def delete(
     operator: OperatorOption = "",
 ) -> None:
     """Delete all data of a participant on request; the deletion stays on record."""
+    from esea_host.study.privacy import export_codes
+
     if not reason:
         raise UserError("Deletion needs a reason.", "Give --reason, without names.")
-    files = opened(folder, runs=False, operator=operator).delete(code, reason)
-    out.print(f"{code}: {files} files deleted")
+    study = opened(folder, runs=False, operator=operator)
+    out.print(f"{code}: {study.delete(code, reason)} files deleted")
+    if made := sum(kind == "export" for kind, _ in study.audited(strict=False)):
+        (new,) = export_codes(study.key, [code])
+        out.print(f"exports on record: {made}; delete {new} there too")
 
 
 @study_app.command("export")

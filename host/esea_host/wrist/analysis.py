@@ -144,8 +144,7 @@ def analyse(folder: Path, blinded: bool = False) -> WristResult:
     study = StudyFolder.open(folder, durable=False, runs=False)
     blinded = blinded or any(study.blinded(role) for role in ("operator", "analyst"))
     left_out = tuple(omissions(study))
-    codes = sorted({c for c, _, _ in study.sessions()})
-    by_code = {c: study.rows(c, strict=False) for c in codes}
+    by_code = {c: study.rows(c, strict=False) for c in sorted({s[0] for s in study.sessions()})}
     tracked, learned = {}, {}
     for code, rows in by_code.items():
         with well_formed(folder / code):
@@ -178,8 +177,7 @@ def analyse(folder: Path, blinded: bool = False) -> WristResult:
             if found
         }
     tables = {title: _tested(table, people[title]) for title, table in tested.items()}
-    given = study.simulated, len(by_code), tables, people, sides
-    return WristResult(*given, blinded, left_out)
+    return WristResult(study.simulated, len(by_code), tables, people, sides, blinded, left_out)
 
 
 def _tracked(rows: Sequence[Row]) -> dict[str, Values]:
@@ -195,11 +193,8 @@ def _tracked(rows: Sequence[Row]) -> dict[str, Values]:
 def _learned(rows: Sequence[Row]) -> list[tuple[int, bool, Values]]:
     # Session, whether it was constrained, and its values.
     own = [r for r in rows if r["task"] == "wrist.catch" and not r["familiarisation"]]
-    found: list[tuple[int, bool, Values]] = []
-    for session in sorted({r["session"] for r in own}):
-        part = [r for r in own if r["session"] == session]
-        found.append((session, bool(part[0]["impairment"]), learning(part)))
-    return found
+    parts = ([r for r in own if r["session"] == s] for s in sorted({r["session"] for r in own}))
+    return [(p[0]["session"], bool(p[0]["impairment"]), learning(p)) for p in parts]
 
 
 def _tested(table: StudyTable, values: Mapping[str, Values]) -> tuple[TableLine, ...]:
