@@ -218,7 +218,7 @@ def _line(w: TableComparison, values: Mapping[str, Values]) -> TableLine:
     try:
         test = signed_rank(both[:, 0], both[:, 1])
     except NoStatisticError as error:
-        return replace(known, note=str(error))
+        return replace(known, p=1.0, note=str(error))  # counts in the family of Holm
     return replace(
         known,
         p=test.p,
