@@ -26,18 +26,21 @@ if TYPE_CHECKING:
 GENERATED = Path("generated")
 
 
-def _bundles(device: Device, real: list[str] | None, linked: bool) -> list[Any]:
+def _bundles(device: Device, real: list[str] | None, linked: bool, folder: Path) -> list[Any]:
     from esea_gen.emit.build import device_formats, render_device
     from esea_gen.emit.dialect import render_dialect
     from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 
     bundles: list[Any] = []
-    for name in chosen_formats(real or device_formats(device), FORMATS):
+    for name in chosen_formats(real or device_formats(device, folder), FORMATS):
         try:
             bundles += render_device(device, [name])
         except UserError as error:
             if real or name in DEFAULT_FORMATS:
                 raise
+            if (folder / name).exists():  # what is there would pass for this build's
+                what = f"{folder / name} is of another build, and this one has no {name}."
+                raise UserError(f"{what} {error.what}", "Delete that folder.") from None
             out.print(f"left out: {name}. {error.what}")  # not every law has it
     if linked:
         bundles.append(render_dialect(device))
@@ -65,7 +68,7 @@ def build(
     target = folder or GENERATED / loaded.name
     with progress_line() as say:
         say(f"{loaded.name}: rendering; ranges of a new q31 device take some ten seconds")
-        bundles = _bundles(loaded, real, linked)
+        bundles = _bundles(loaded, real, linked, target)
     for path, bundle in zip(write_bundles(bundles, target), bundles, strict=True):
         size = sum(len(t) for t in bundle.files.values())
         out.print(f"{path}: {len(bundle.files)} files, {size / 1000:.0f} kB")
@@ -104,7 +107,7 @@ def check(
             out.print(f"{loaded.name}: nothing generated in {folder}")
             stale += 1
             continue
-        bundles = _bundles(loaded, None, True)
+        bundles = _bundles(loaded, None, True, folder / loaded.name)
         stale += _tell(loaded.name, differences(bundles, folder / loaded.name))
     if stale:
         law = f" --controller {controller}" if controller else ""

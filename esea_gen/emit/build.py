@@ -65,10 +65,11 @@ def _is_shipped(device: Device) -> bool:
     return device.origin == f"{device.name}.toml" and device.name in shipped_devices()
 
 
-def device_formats(device: Device) -> list[str]:
-    """Number formats that a device is built in where none is named."""
+def device_formats(device: Device, out: Path = Path()) -> list[str]:
+    """Number formats that a device is built in where none is named: those in its folder, too."""
     further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
-    return [*DEFAULT_FORMATS, *further]
+    built = (name for name in FORMATS if (out / name / MANIFEST).is_file())
+    return list(dict.fromkeys([*DEFAULT_FORMATS, *further, *built]))
 
 
 def render_device(device: Device, reals: Iterable[str]) -> list[Bundle]:
@@ -109,9 +110,9 @@ def manifest(
 
 def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
     """Write output folders, each completely or not at all."""
+    written = []
     for bundle in bundles:
         _refuse_foreign(bundle, out / bundle.folder)
-    written = []
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".esea-", dir=out) as scratch:
@@ -168,9 +169,7 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
         made = {MANIFEST} if present == {MANIFEST} else set(bundle.files)
         for name in sorted(present | made):
             label, new = f"{bundle.folder}/{name}", bundle.files.get(name)
-            old = None
-            if name in present:  # a program that somebody compiled there, too
-                old = (folder / name).read_text(encoding="utf-8", errors="replace")
+            old = (folder / name).read_bytes().decode(errors="replace") if name in present else None
             if new is None:
                 found.append(f"{label}: not generated")
             elif old != new:
@@ -182,5 +181,6 @@ def differences(bundles: list[Bundle], out: Path) -> list[str]:
                     lineterm="",
                     n=2,
                 )
-                found.append("\n".join(diff) or f"{label}: missing")
+                alike = "missing" if old is None else "other line endings than generated"
+                found.append("\n".join(diff) or f"{label}: {alike}")
     return found

@@ -47,6 +47,21 @@ def test_build_and_check(tmp_path):
     manifest = f64 / "manifest.json"
     manifest.write_text(re.sub(r'(_sensor\.c": ")..', r"\1zz", manifest.read_text()))
     assert '-    "esea_elbow_sensor.c": "zz' in run("check", "elbow", cwd=tmp_path).stdout
+    # Line endings count, as in the manifest; so does a format that is not built by default.
+    header.write_bytes(header.read_bytes().replace(b"\n", b"\r\n"))
+    assert "elbow.h: other line endings" in run("check", "elbow", cwd=tmp_path).stdout
+    assert run("build", "elbow", "--real", "q31", cwd=tmp_path).returncode == 0
+    (header.parents[1] / "q31" / "main.c").write_text("")
+    assert run("build", "elbow", cwd=tmp_path).returncode == 0
+    assert run("check", "elbow", cwd=tmp_path).stdout == "elbow: current\n"
+
+
+def test_no_format_of_another_law_stays_beside_the_new_one(tmp_path):
+    (tmp_path / "generated" / "elbow_drive" / "q31").mkdir(parents=True)
+    for command in "build", "check":
+        error = refused(run(command, "elbow_drive", "--controller", "mpc", cwd=tmp_path))
+        assert "q31 is of another build" in error
+        assert "Delete that folder." in error
 
 
 def test_verify_writes_json(tmp_path):
