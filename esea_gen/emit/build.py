@@ -141,13 +141,14 @@ def write_bundles(bundles: list[Bundle], out: Path) -> list[Path]:
 
 
 def _refuse_foreign(bundle: Bundle, folder: Path) -> None:
-    # Only what was written here, by the manifest, is replaced.
+    # Only what was written here, by the manifest, is replaced, and what stays as it is.
     if folder.exists() and not folder.is_dir():
         raise UserError(f"{folder} is a file.", "Give another --out folder.")
-    known = {MANIFEST, *bundle.files}
+    present, files = _present(folder), bundle.files
+    known = {n for n in present & set(files) if (folder / n).read_bytes() == files[n].encode()}
     with suppress(OSError, ValueError, KeyError, TypeError):
-        known |= set(json.loads((folder / MANIFEST).read_bytes())["files"])
-    if foreign := sorted(_present(folder) - known):
+        known |= {MANIFEST, *json.loads((folder / MANIFEST).read_bytes())["files"]}
+    if foreign := sorted(present - known):
         raise UserError(
             f"{folder} has files that esea-gen did not write ({', '.join(foreign[:3])}).",
             "Move them away, or give another --out folder.",

@@ -197,7 +197,7 @@ def test_stale_missing_and_left_over_files_are_seen(elbow, tmp_path):
 
 
 def test_a_failed_write_leaves_the_old_folder(tmp_path):
-    write_bundles([Bundle("f32", {"a.c": "old", MANIFEST: "{}"})], tmp_path)
+    write_bundles([Bundle("f32", {"a.c": "old", MANIFEST: '{"files": ["a.c"]}'})], tmp_path)
     bad = Bundle("f32", {"a.c": "new", "a.c/b.c": "cannot be", MANIFEST: "{}"})
     with pytest.raises(UserError, match="cannot be written"):
         write_bundles([bad], tmp_path)

@@ -81,8 +81,9 @@ def test_nothing_is_written_where_one_folder_is_not_ours(tmp_path):
         write_bundles([bundle("f32", a="1"), bundle("q31", a="1")], tmp_path)
     assert tree(tmp_path) == {"f64/notes.txt": "mine", "q31": "a file"}
     # What stands beside our files is somebody's own, too.
-    (tmp_path / "f64" / MANIFEST).write_text("{}")
-    with pytest.raises(UserError, match=r"did not write \(notes\.txt"):
+    (tmp_path / "f64" / MANIFEST).write_text('{"files": ["b.c"]}')
+    (tmp_path / "f64" / "a.c").write_text("mine, by the name of one of ours")
+    with pytest.raises(UserError, match=r"did not write \(a\.c, notes\.txt"):
         write_bundles(both[1:], tmp_path)
 
 
