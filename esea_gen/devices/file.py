@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, cached_property
 from importlib import resources
@@ -101,6 +102,11 @@ class DeviceData:
     def shipped(self) -> bool:
         """Whether it is one of the package's own files, and no other of that name."""
         return self.name in shipped_devices() and self.origin == f"{self.name}.toml"
+
+    @property
+    def argument(self) -> str:
+        """What a command takes: the name of a shipped device, else the file's."""
+        return self.name if self.shipped else shlex.quote(self.origin)
 
     @property
     def axes(self) -> tuple[str, ...]:

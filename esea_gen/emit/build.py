@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from esea_gen.device import Device
-from esea_gen.devices.file import shipped_devices
 from esea_gen.emit.formats import DEFAULT_FORMATS, FORMATS
 from esea_gen.emit.render import Renderer, content_hash, versions
 from esea_gen.emit.walker import UnsupportedOperationError
@@ -58,16 +57,12 @@ def format_hash(device: Device, real: str) -> str:
 def build_command(device: Device) -> str:
     """The command that regenerates a device's output."""
     law = f" --controller {device.controller}" if device.controller else ""
-    return f"esea-gen build {device.name if _is_shipped(device) else device.origin}{law}"
-
-
-def _is_shipped(device: Device) -> bool:
-    return device.origin == f"{device.name}.toml" and device.name in shipped_devices()
+    return f"esea-gen build {device.argument}{law}"
 
 
 def device_formats(device: Device, out: Path = Path()) -> list[str]:
     """Number formats that a device is built in where none is named: those in its folder, too."""
-    further = FURTHER_FORMATS.get(device.name, ()) if _is_shipped(device) else ()
+    further = FURTHER_FORMATS.get(device.name, ()) if device.shipped else ()
     built = (name for name in FORMATS if (out / name / MANIFEST).is_file())
     return list(dict.fromkeys([*DEFAULT_FORMATS, *further, *built]))
 

@@ -96,7 +96,7 @@ FORMS = {
             {"{p}_flat.h": "flat.h", "{p}_flat.c": "flat.c", "calls.md": "calls.md"},
             (
                 "What to enter in Call Library Function nodes is in calls.md",
-                "Compiled and packed for a myRIO: esea-gen firmware {name} --board myrio",
+                "Compiled and packed for a myRIO: esea-gen firmware {again} --board myrio",
             ),
             headers="",
             sources="",
@@ -122,7 +122,8 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
             f"No number format '{real}' for {form.name}.", f"Choose from {', '.join(allowed)}."
         )
     digest = format_hash(device, real)
-    extra: dict[str, object] = {}
+    # Kconfig and JSON put the title between double quotes.
+    extra: dict[str, object] = {"title": device.title.replace('"', "'")}
     try:
         # The C is what `build` writes, to the byte.
         build = f"{build_command(device)} --real {real}"
@@ -152,7 +153,8 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
         files[f"{form.example}main.c"] = example
     for target, template in form.templates.items():
         files[target.format(p=renderer.prefix)] = rendered(template)
-    steps = "\n".join(f"- {s}" for s in _steps(form, renderer.prefix, device.name, "."))
+    again = build_command(device).removeprefix("esea-gen build ")
+    steps = "\n".join(f"- {s}" for s in _steps(form, device.name, ".", again))
     files["README.md"] = (
         f"# {renderer.prefix}\n\n{device.title}. Number format {real}, content {digest}, "
         f"MIT licence.\nWritten by `{command}`; do not edit.\n\n{steps}\n"
@@ -165,8 +167,9 @@ def _command(device: Device, form: LibraryForm) -> str:
     return build_command(device).replace("esea-gen build", f"esea-gen export {form.name}")
 
 
-def _steps(form: LibraryForm, prefix: str, name: str, to: str) -> tuple[str, ...]:
-    return tuple(s.format(p=prefix, P=prefix.upper(), name=name, to=to) for s in form.steps)
+def _steps(form: LibraryForm, name: str, to: str, again: str) -> tuple[str, ...]:
+    known = {"p": f"esea_{name}", "P": f"ESEA_{name.upper()}", "name": name, "to": to}
+    return tuple(s.format(**known, again=again) for s in form.steps)
 
 
 def write_library(
@@ -177,5 +180,7 @@ def write_library(
     target = folder or Path(f"{bundle.folder}_{form.name}")
     whole = target.absolute()
     write_bundles([Bundle(whole.name, bundle.files)], whole.parent)
-    steps = _steps(form, bundle.folder, device.name, command_line(str(target)))
+    asked, law = device.given
+    again = command_line(asked, *(("--controller", law) if law else ()))
+    steps = _steps(form, device.name, command_line(str(target)), again)
     return WrittenLibrary(target, bundle.files, digest, steps)

@@ -200,7 +200,7 @@ def twin_model(variant: PlantVariant, tick_s: float, title: str, digest: str) ->
     system = twin_system(one, variant.cable, variant.step_s, tick_s)
     fmt = FORMATS["f64"]
     content = content_hash(system, digest, title, [fmt])
-    command = f"esea-gen export fmu {variant.device.name} --plant NAME"
+    command = f"esea-gen export fmu {variant.device.argument} --plant NAME"
     renderer = Renderer(system, fmt, content, command, title)
     move, encode = system.tasks  # encode gives counts: whole, as the controller takes them
     at = next(x.port for x in system.task_inputs(encode) if x.name == ANGLES[0])

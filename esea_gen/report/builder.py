@@ -128,7 +128,7 @@ def gather(
 
 
 def _command(device: Device, recording: Path | None, data: Path | None, board: str) -> str:
-    words = ["esea-gen report", device.name if device.shipped else device.origin]
+    words = ["esea-gen report", device.argument]
     if device.given[1]:
         words.append(f"--controller {','.join(Path(n).name for n in device.given[1].split(','))}")
     if recording is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from esea_gen.devices.file import DeviceData
 from esea_gen.emit.build import MANIFEST, Bundle, build_command, differences, write_bundles
 from esea_gen.errors import UserError
 
@@ -21,6 +22,8 @@ class Made:
     digest: str = "d"
     title: str = "T"
     system: str = "s"
+    shipped = DeviceData.shipped
+    argument = DeviceData.argument
 
 
 MINE = Made(name="mine", origin="folder/mine.toml")
@@ -31,6 +34,7 @@ def test_the_command_that_builds_a_device_again():
         (Made(), "esea-gen build elbow_drive"),
         (Made(controller="smc,mpc"), "esea-gen build elbow_drive --controller smc,mpc"),
         (MINE, "esea-gen build folder/mine.toml"),
+        (Made(name="mine", origin="my arm.toml"), "esea-gen build 'my arm.toml'"),
         (Made(name="mine", origin="mine.toml"), "esea-gen build mine.toml"),
         # A shipped device's name in a file of another name, and the other way round.
         (Made(origin="copy.toml"), "esea-gen build copy.toml"),

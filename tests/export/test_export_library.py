@@ -308,3 +308,15 @@ def test_what_cannot_be_written_is_refused(elbow, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     assert (tmp_path / "esea_elbow_cmake/CMakeLists.txt").is_file()
     assert "find_package(esea_elbow CONFIG REQUIRED)" in done.output
+
+
+def test_a_file_of_ones_own_goes_into_other_tools(elbow, tmp_path):
+    path = tmp_path / "my arm.toml"
+    path.write_text(re.sub("(?m)^title = .*", "title = 'An \"arm\"'", elbow.toml()))
+    device = esea_gen.load_device(path)
+    arduino, zephyr = (library_files(device, FORMS[n])[1].files for n in ("arduino", "zephyr"))
+    assert "An 'arm': " in json.loads(arduino["library.json"])["description"]
+    assert "\tbool \"An 'arm'\"\n" in zephyr["zephyr/Kconfig"]
+    written = write_library(device, FORMS["labview"], "f32", tmp_path / "lv")
+    assert f"esea-gen firmware '{path}' --board myrio" in written.next_steps[-1]
+    assert "`esea-gen export labview 'my arm.toml' --real f32`" in written.files["README.md"]
