@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -139,16 +138,14 @@ def _library(kind: str, text: str) -> None:
         from esea_gen.export.library import FORMS, write_library
 
         loaded = esea_gen.load_device(device, controller)
-        form: Any = FORMS[kind]
         with progress_line() as say:
             say(f"{loaded.name}: rendering")
-            written = write_library(loaded, form, real, folder)
+            written = write_library(loaded, FORMS[kind], real, folder)
         out.print(f"{written.folder}: {len(written.files)} files, content {written.digest}")
         out.lines(written.next_steps)
 
     run.__doc__ = text
-    command: Callable[..., None] = run
-    export.command(kind)(command)
+    export.command(kind)(run)
 
 
 _library("cmake", "Write a CMake package: builds with one line, found by find_package.")

@@ -122,6 +122,8 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
             f"No number format '{real}' for {form.name}.", f"Choose from {', '.join(allowed)}."
         )
     digest = format_hash(device, real)
+    again = build_command(device).removeprefix("esea-gen build ")
+    command = f"esea-gen export {form.name} {again} --real {real}"
     # Kconfig and JSON put the title between double quotes.
     extra: dict[str, object] = {"title": device.title.replace('"', "'")}
     try:
@@ -132,7 +134,6 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
     except UnsupportedOperationError as error:
         raise UserError(f"{device.origin}: {error.what}", error.fix) from None
     example = made.pop("main.c")
-    command = f"{_command(device, form)} --real {real}"
     if form.arrays:
         extra["model"] = model = controller_model(device, real)
         renderer = model.renderer
@@ -153,7 +154,6 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
         files[f"{form.example}main.c"] = example
     for target, template in form.templates.items():
         files[target.format(p=renderer.prefix)] = rendered(template)
-    again = build_command(device).removeprefix("esea-gen build ")
     steps = "\n".join(f"- {s}" for s in _steps(form, device.name, ".", again))
     files["README.md"] = (
         f"# {renderer.prefix}\n\n{device.title}. Number format {real}, content {digest}, "
@@ -161,10 +161,6 @@ def library_files(device: Device, form: LibraryForm, real: str = "f32") -> tuple
     )
     kind = f"export {form.name}"
     return digest, Bundle(renderer.prefix, files | manifest(device, digest, kind, command, files))
-
-
-def _command(device: Device, form: LibraryForm) -> str:
-    return build_command(device).replace("esea-gen build", f"esea-gen export {form.name}")
 
 
 def _steps(form: LibraryForm, name: str, to: str, again: str) -> tuple[str, ...]:
