@@ -203,9 +203,10 @@ class System:
         listed = [i for t in self.tasks for i in t.blocks]
         if WATCH in self.blocks:
             raise ValueError(f"no block may be called {WATCH}: the tasks' own watch is")
-        names = {k.name for k in self.kinds}
-        if len({n.lower() for n in names}) < len(names):  # one file on Windows and macOS
-            raise ValueError(f"of {sorted(names)} two differ only in upper and lower case")
+        # They share the C's types and, on Windows and macOS in any case, files.
+        names = [x.name.lower() for x in (*self.kinds, *self.tasks)]
+        if twice := sorted({n for n in names if names.count(n) > 1}):
+            raise ValueError(f"different blocks or tasks named {', '.join(twice)} (in any case)")
         if sorted(listed) != sorted(self.blocks):
             raise ValueError(
                 f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"

@@ -176,7 +176,7 @@ def test_order_inside_a_task_is_checked():
         System(
             "bad",
             1e-3,
-            {"a": summing(1e-3), "b": summing(1e-3)},
+            {"a": summing(1e-3), "b": summing(1e-3, "b")},
             (Task("t", ("a", "b")),),
             wires={"a.x": "b.y"},
             inputs={"x": ("b.x",)},

@@ -83,6 +83,8 @@ def parts(asked: str = "coeffs_ok") -> dict:
     ("change", "words"),
     [
         ({"blocks": {"watch": block("watch")}}, "no block may be called watch"),
+        ({"blocks": {"slow": block("Shared")}}, r"named shared \(in any case\)"),
+        ({"blocks": {"slow": block("lazy")}}, r"named lazy \(in any case\)"),
         ({"inputs": {"a": ("first.x_rad", "again.x_m")}}, "no such port again.x_m; there are"),
         ({"inputs": {"a": ("nobody.x_rad",)}}, r"no such port nobody.x_rad; there are \[\]"),
         ({"outputs": {"a": "first.x_rad"}}, "no such port first.x_rad; there are .'y_rad', 'twic"),
