@@ -246,22 +246,18 @@ class Block(Component):
     def _known(self) -> Block:
         # Not where a Block is copied: a deliberate fault may take away what is split.
         labels = {n for n, _ in self.labels}
-        unknown = sorted(set(self.facts) - labels)
-        if unknown:
+        if unknown := sorted(set(self.facts) - labels):
             raise ValueError(f"block {self.name}: facts of values that have no label: {unknown}")
         for value, by in self.solved.items():
             if value not in self.facts or by.residual not in labels:
-                raise ValueError(
-                    f"block {self.name}: {value} needs a fact and {by.residual} a label"
-                )
+                needs = f"{value} needs a fact and {by.residual} a label"
+                raise ValueError(f"block {self.name}: {needs}")
             if not (by.slope > 0 and by.most >= 0 and by.jump >= 0):
                 raise ValueError(f"block {self.name}: the slope of {by.residual} must be above 0")
         cut = {f"s_{p.name}" for p in self.state} | {f"u_{p.name}" for p in self.inputs}
-        unknown = sorted(set(self.split) - cut - set(self.facts))
-        if unknown:
-            raise ValueError(
-                f"block {self.name}: splits of unknown states, inputs or facts: {unknown}"
-            )
+        if unknown := sorted(set(self.split) - cut - set(self.facts)):
+            what = "splits of unknown states, inputs or facts"
+            raise ValueError(f"block {self.name}: {what}: {unknown}")
         return self
 
     @property
@@ -326,9 +322,7 @@ def _step_functions(
     shared = ca.cse([*results.values(), *(v for _, _, v in label.items)])
     symbols, values = list(arguments.values()), shared[: len(results)]
     bound = {str(x) for a in symbols for x in ca.symvar(a)}
-    free = [str(x) for x in ca.symvar(ca.veccat(*values))]
-    unbound = sorted(x for x in free if x not in bound)
-    if unbound:
+    if unbound := sorted({str(x) for x in ca.symvar(ca.veccat(*values))} - bound):
         raise ValueError(f"block {name}: step uses unbound symbols {unbound}")
     labelled = [*results, *(f"label_{n}" for n in labels)]
     return (

@@ -67,12 +67,10 @@ class Component(ABC):
         for key, value in (given or {}).items():
             if key not in known:
                 raise ValueError(f"{self.kind} {self.name} has no tunable {key}; it has {[*known]}")
-            taken = known[key].taken(float(value))
-            if not known[key].low <= taken <= known[key].high:
-                raise ValueError(
-                    f"{key} = {value} is outside [{known[key].low}, {known[key].high}]"
-                )
-            values[key] = taken
+            t = known[key]
+            values[key] = t.taken(float(value))
+            if not t.low <= values[key] <= t.high:
+                raise ValueError(f"{key} = {value} is outside [{t.low}, {t.high}]")
         return values
 
 
@@ -132,10 +130,7 @@ class Executor(ABC):
         out: dict[str, Any] = {}
         for p in self.block.outputs:
             y = self._y[p.name]
-            if p.flags:
-                out[p.name] = int(y[0])
-            else:
-                out[p.name] = float(y[0]) if p.size == 1 else y.copy()
+            out[p.name] = int(y[0]) if p.flags else float(y[0]) if p.size == 1 else y.copy()
         return out
 
     def __repr__(self) -> str:
@@ -274,15 +269,17 @@ def start_functions(
         raise ValueError(f"block {name}: tunables, coefficients and prepare go together")
     tun, coef = symbols_of(tunables), symbols_of(coefficients)
     values = dict(prepare(SimpleNamespace(**tun))) if prepare else {}
+    prepared = ca.Function(
+        f"{name}_prepare",
+        list(tun.values()),
+        collect(name, "coefficient", coefficients, values),
+        [t.name for t in tunables],
+        # A tunable that passes through as a coefficient keeps its name; CasADi wants two.
+        [f"c_{c.name}" for c in coefficients],
+    )
+    _check_coefficients(name, tunables, coefficients, prepared)
     return (
-        ca.Function(
-            f"{name}_prepare",
-            list(tun.values()),
-            collect(name, "coefficient", coefficients, values),
-            [t.name for t in tunables],
-            # A tunable that passes through as a coefficient keeps its name; CasADi wants two.
-            [f"c_{c.name}" for c in coefficients],
-        ),
+        prepared,
         ca.Function(
             f"{name}_init",
             list(coef.values()),
@@ -291,3 +288,19 @@ def start_functions(
             [f"{p.name}_0" for p in state],
         ),
     )
+
+
+def _check_coefficients(
+    block: str, tunables: tuple[Tunable, ...], coefficients: tuple[Port, ...], prepare: ca.Function
+) -> None:
+    # At the defaults, and with each tunable at its bounds: fixed point clips there, floats do not.
+    start = [t.default for t in tunables]
+    for k, t in enumerate(tunables):
+        for value in (t.default, t.low, t.high):
+            made = prepare.call([ca.DM(v) for v in (*start[:k], value, *start[k + 1 :])])
+            for p, c in zip(coefficients, made, strict=True):
+                room = 1e-6 * max(abs(p.low), abs(p.high))
+                for x in np.asarray(c).flat:
+                    if not p.low - room <= x <= p.high + room:
+                        at = f"{x:.6g} at {t.name} = {value:g}, outside [{p.low:g}, {p.high:g}]"
+                        raise ValueError(f"block {block}: coefficient {p.name} is {at}")

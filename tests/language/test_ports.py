@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from esea_gen.language.component import check_ports
+from esea_gen.language.component import check_ports, start_functions
 from esea_gen.language.ports import Constant, Flag, Port, Tunable, f32_inside, threshold, unit_of
 
 UNITS = {
@@ -91,6 +92,11 @@ def test_a_name_that_c_or_arduino_has_taken_is_rejected(define, name):
 X = Port("x", 0, 1, "meaning")
 
 
+def tuned(derived) -> None:
+    gain = Tunable("gain", 1, 0, 1, "gain")
+    start_functions("a", (gain,), (X,), (), lambda t: {"x": derived(t.gain)})
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
@@ -101,6 +107,9 @@ X = Port("x", 0, 1, "meaning")
         (lambda: replace(X, flags=(Flag("Bad", "meaning"),)), "not all different .* capitals"),
         (lambda: replace(X, flags=2 * (Flag("BAD", "meaning"),)), "not all different"),
         (lambda: Port.count("x", 2**24, "meaning"), r"below 2\^24"),
+        (lambda: tuned(lambda g: 2 * g), r"x is 2 at gain = 1, outside \[0, 1\]"),
+        (lambda: tuned(lambda g: ca.log(g - 0.5)), "x is -0.6.* at gain = 1"),
+        (lambda: tuned(lambda g: ca.sqrt(g - 0.5)), "x is nan at gain = 0"),
     ],
 )
 def test_a_wrong_port_or_block_is_refused(make, said):
