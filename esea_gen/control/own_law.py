@@ -79,7 +79,7 @@ def _law(path: Path, content: bytes, name: str, digest: str) -> Law:
                 raise TypeError(f"{law.parts.__name__} gives {type(made).__name__}, not Parts")
         except UserError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise explained(path, error, f"law {law.name}") from error
         _check_kernels(path, law.name, made)
         return made
@@ -95,7 +95,7 @@ def wrong_wire(laws: Iterable[Law], error: ValueError) -> UserError | None:
     return None
 
 
-def explained(path: Path, error: Exception, what: str, line: int = 0) -> UserError:
+def explained(path: Path, error: Exception | SystemExit, what: str, line: int = 0) -> UserError:
     """Error in a user's file: its line, and a remedy if known."""
     text = re.sub(r"^\S*\.cpp:\d+: ", "", str(error))
     inside = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]

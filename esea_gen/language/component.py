@@ -234,8 +234,8 @@ def check_ports(
         raise ValueError(f"block {name}: period_s must be positive, got {period_s}")
     for group in groups:
         names = [p.name for p in group]
-        if len(names) != len(set(names)):
-            raise ValueError(f"block {name}: a port name occurs twice in {names}")
+        if len(names) != len({n.lower() for n in names}):  # macros and messages have one case
+            raise ValueError(f"block {name}: a port name occurs twice, in any case, in {names}")
     if signed := [p.name for p in chain(*groups[3:]) if p.kind == "count" and p.low < 0]:
         raise ValueError(f"block {name}: {signed} count below 0, which only a state may")
 

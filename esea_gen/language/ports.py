@@ -344,9 +344,8 @@ class Tunable:
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "default", self.taken(self.default))
         if not self.low <= self.default <= self.high:
-            raise ValueError(
-                f"tunable {self.name}: default {self.default} outside [{self.low}, {self.high}]"
-            )
+            within = f"[{self.low}, {self.high}]"
+            raise ValueError(f"tunable {self.name}: default {self.default} outside {within}")
 
     def taken(self, value: float) -> float:
         """A value as it is set: the bound, for one that only float32's rounding puts beyond it.

@@ -63,8 +63,6 @@ class System:
         self.blocks: dict[str, Any] = dict(blocks)
         self.tasks = tasks
         self.wires = {Signal.parse(r): Signal.parse(w) for r, w in wires.items()}
-        self.inputs: tuple[External, ...] = ()
-        self.outputs: tuple[External, ...] = ()
         self._task_of = {i: t for t in tasks for i in t.blocks}
         named = {"task": [t.name for t in tasks], "block": blocks, "input": inputs}
         for kind, names in (named | {"output": outputs}).items():
@@ -87,10 +85,7 @@ class System:
     @property
     def kinds(self) -> tuple[Any, ...]:
         """The different Blocks, each once, in order of first use."""
-        unique: dict[int, Component] = {}
-        for block in self.blocks.values():
-            unique.setdefault(id(block), block)
-        return tuple(unique.values())
+        return tuple({id(block): block for block in self.blocks.values()}.values())
 
     @property
     def tunables(self) -> tuple[tuple[str, Tunable], ...]:
@@ -200,29 +195,25 @@ class System:
     # -- checks ----------------------------------------------------------------------------------
 
     def _check_tasks(self) -> None:
-        listed = [i for t in self.tasks for i in t.blocks]
+        run = sorted(i for t in self.tasks for i in t.blocks)
         if WATCH in self.blocks:
             raise ValueError(f"no block may be called {WATCH}: the tasks' own watch is")
         # They share the C's types and, on Windows and macOS in any case, files.
         names = [x.name.lower() for x in (*self.kinds, *self.tasks)]
         if twice := sorted({n for n in names if names.count(n) > 1}):
             raise ValueError(f"different blocks or tasks named {', '.join(twice)} (in any case)")
-        if sorted(listed) != sorted(self.blocks):
-            raise ValueError(
-                f"tasks run {sorted(listed)}, but the blocks are {sorted(self.blocks)}"
-            )
+        if run != sorted(self.blocks):
+            raise ValueError(f"tasks run {run}, but the blocks are {sorted(self.blocks)}")
         for t in self.tasks:
             if t.every < 1 or not 0 <= t.phase < t.every:
                 raise ValueError(f"task {t.name}: phase {t.phase} must be in [0, {t.every})")
             if not 1 <= t.release_ticks <= t.every:
                 raise ValueError(f"task {t.name}: release {t.release} must be in [1, {t.every}]")
-            for i in t.blocks:
-                period = t.every * self.base_period_s
-                if abs(self.blocks[i].period_s - period) > 1e-12:
-                    raise ValueError(
-                        f"{i} is built for {self.blocks[i].period_s:g} s, but task {t.name} runs "
-                        f"every {period:g} s"
-                    )
+            period = t.every * self.base_period_s
+            for i, own in ((i, self.blocks[i].period_s) for i in t.blocks):
+                if abs(own - period) > 1e-12:
+                    runs = f"task {t.name} runs every {period:g} s"
+                    raise ValueError(f"{i} is built for {own:g} s, but {runs}")
 
     def _input(self, s: Signal) -> Port:
         return self._port(s, self.blocks[s.instance].inputs if s.instance in self.blocks else ())
@@ -233,9 +224,8 @@ class System:
         return self._port(s, self.blocks[s.instance].outputs if s.instance in self.blocks else ())
 
     def _port(self, s: Signal, ports: tuple[Port, ...]) -> Port:
-        for p in ports:
-            if p.name == s.port:
-                return p
+        if found := [p for p in ports if p.name == s.port]:
+            return found[0]
         raise ValueError(f"no such port {s.instance}.{s.port}; there are {[p.name for p in ports]}")
 
     def _external_input(self, name: str, sinks: tuple[Signal, ...]) -> External:

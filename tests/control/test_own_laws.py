@@ -61,6 +61,7 @@ SIGNAL = "u.tau_set_Nm - u.tau_Nm"
         (SIGNAL, "(u.mode > 1) & (u.mode < 2)", r"conditions with casadi\.logic_and"),
         ("ca.logic_and(guard.inputs_ok, u.mode >= 1)", "guard.inputs_ok and u.mode", "logic_and"),
         (SIGNAL, "u.tau_Nm * float('nan')", "nan in Block proportional"),
+        (SIGNAL, "__import__('sys').exit(0)", r"0 \(SystemExit\)"),
         (SIGNAL, "u.tau_Nm * math.inf", "inf in Block proportional"),
         ('"error_Nm": ca.if_else(active, smooth, 0)', '"error_Nm": [smooth, 0]', "has shape"),
         ('"u_command_Nm": ca.if_else', '"u_comand_Nm": ca.if_else', "unknown .'u_comand_Nm'"),

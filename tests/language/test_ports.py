@@ -102,7 +102,7 @@ def tuned(derived) -> None:
     [
         (lambda: check_ports("a", "*/ title", 1e-3), "comment of the C"),
         (lambda: check_ports("a", "title", 0.0), "must be positive, got 0"),
-        (lambda: check_ports("a", "title", 1e-3, (X, X)), "port name occurs twice"),
+        (lambda: check_ports("a", "title", 1e-3, (X, replace(X, name="X"))), "name occurs twice"),
         (lambda: replace(X, size=0), "size 0 is below 1"),
         (lambda: replace(X, flags=(Flag("Bad", "meaning"),)), "not all different .* capitals"),
         (lambda: replace(X, flags=2 * (Flag("BAD", "meaning"),)), "not all different"),
