@@ -64,8 +64,8 @@ class System:
         self.tasks = tasks
         self.wires = {Signal.parse(r): Signal.parse(w) for r, w in wires.items()}
         self._task_of = {i: t for t in tasks for i in t.blocks}
-        named = {"task": [t.name for t in tasks], "block": blocks, "input": inputs}
-        for kind, names in (named | {"output": outputs}).items():
+        named = {"system": [name], "task": [t.name for t in tasks], "block": blocks}
+        for kind, names in (named | {"input": inputs, "output": outputs}).items():
             for n in names:
                 check_name(kind, n)
         self._check_tasks()

@@ -138,6 +138,7 @@ def test_the_c_does_what_the_symbolic_system_does(real: str, gain: bool, latenes
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        ({"name": "a b"}, "system name 'a b' is not a C identifier"),
         ({"wires": {"slow.x": "fast.y"}}, "last.x is not fed"),
         ({"wires": {"slow.x": "fast.nothing", "last.x": "slow.y"}}, "no such port fast.nothing"),
         ({"wires": {"slow.x": "fast.both", "last.x": "slow.y"}}, "x 2"),
