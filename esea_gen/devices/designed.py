@@ -55,13 +55,13 @@ DESIGNED = (
 
 def tell_of_gains(origin: str, device: Document, shipped: Mapping[str, Document], by: str) -> None:
     """Warn of gains that were designed for other numbers than the device's; by: its controllers."""
-    name = origin.removesuffix(".toml") if origin.removesuffix(".toml") in shipped else origin
-    name = f"{by}@{name}" if by else name  # as commands take it
+    stem, plant = origin.removesuffix(".toml"), ("actuator", "elastomer", "joint")
+    own_file = any(device.get(s) != shipped.get(stem, {}).get(s) for s in plant)
+    name = f"{by}@" * bool(by) + (origin if own_file else stem)  # as commands take it
     laws = device.get("laws", LAW_SECTIONS)  # one of a file may use any section
     idle = () if ".py:" in str(laws) else LAW_SECTIONS.keys() - set(laws)
     for group in (g for g in DESIGNED if g.section not in idle):
-        # By what was found elsewhere: name of the device, and its numbers that are others.
-        told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        told: dict[tuple[str, tuple[str, ...]], list[str]] = {}  # by device, numbers that differ
         for gain in group.gains:
             own = _entry(device, group.section, gain)
             bases = [k for k, d in shipped.items() if _from(own, _entry(d, group.section, gain))]

@@ -104,6 +104,8 @@ def test_gains_of_another_rate_or_stiffness_are_told_of():
     assert "elbow_mpc's" in told(copied)["predictive"]
     with pytest.warns(UserWarning, match=r"--controller mpc@wrist_drive\. To"):
         load_device("wrist_drive", "mpc")
+    heavy = own(actuator={"J_kgm2": 0.05})  # a user's own of a shipped name
+    assert "--controller elbow_drive.toml. To" in told(heavy, "elbow_drive.toml")["sliding_mode"]
 
 
 def test_a_bandwidth_of_another_encoder_is_told_of():
