@@ -22,7 +22,7 @@ from esea_gen.cache import cache_folder
 from esea_gen.cli.groups import take_values_as_typed
 from esea_gen.errors import UserError, paragraphs
 from esea_gen.link.received import shown_lines
-from esea_gen.portability import ENDING_SIGNALS, signal_again
+from esea_gen.portability import ENDING_SIGNALS, TERMINALS, signal_again
 from esea_gen.python_file import MODULE
 
 # Exit codes; 0: done, 1: done with a negative result, or nobody reads the output any more.
@@ -306,8 +306,8 @@ def _have_streams() -> None:
                     pass
             nothing = os.open(os.devnull, os.O_RDWR)  # stays open
             setattr(sys, name, os.fdopen(nothing, "w" if number else "r", encoding="utf-8"))
-    was = sys.stdout
-    if was is sys.__stdout__ and isinstance(was, io.TextIOWrapper):
+    was, console = sys.stdout, not TERMINALS and sys.stdout.isatty()  # Windows: takes no bytes
+    if was is sys.__stdout__ and isinstance(was, io.TextIOWrapper) and not console:
         raw = _Output(was.fileno(), "w", closefd=False)
         how = was.line_buffering, was.write_through
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), was.encoding, None, None, *how)

@@ -128,7 +128,7 @@ def _with_checks(command: Any) -> Any:
 
 
 # How results begin: in a folder that is read, only pages, tables, pictures may be written again.
-RESULTS = b"<!DOCTYPE", b'{\n  "schema', b"table,part", b"<?xml", b"\x89PNG", b"%PDF", b"SQLite"
+RESULTS = rb'<!DOC|{\n  "schema|table,part|name,seed|controller,name|<\?xml|\x89PNG|%PDF|SQLite|PK'
 
 
 def _apart(command: Any, then: Callable[..., Any], ctx: Any) -> Any:
@@ -141,11 +141,11 @@ def _apart(command: Any, then: Callable[..., Any], ctx: Any) -> Any:
                 if isinstance(w, Path) or (isinstance(w, str) and os.path.isfile(w)):
                     named.append((w, Path(os.path.realpath(w)), param, writes))
     for (x, path, param, writes), (_, other, source, also) in permutations(named, 2):
-        inside = other in path.parents and not also and path.is_file()
-        lost = inside and not path.read_bytes().startswith(RESULTS)
-        if writes and source is not param and (path == other or lost):
-            said = "is read" if lost else "is named twice"
-            said += f": {source.opts[0]} and {param.opts[0]}"
+        inside = writes and other in path.parents and not also and path.is_file()
+        lost = inside and not re.match(RESULTS, path.read_bytes())
+        beside = command.name == "identify" and path.is_dir()  # replaces no file but its own
+        if source is not param and (lost or (writes and path == other and not beside)):
+            said = ("is named twice", "is read")[lost] + f": {source.opts[0]} and {param.opts[0]}"
             raise UserError(f"{x} {said}.", "Give another file to write.")
     return then(ctx)
 

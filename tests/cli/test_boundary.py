@@ -28,6 +28,7 @@ from esea_gen import files
 from esea_gen.cli.boundary import REMEDIES
 from esea_gen.errors import UserError
 from esea_gen.link.transport import LinkError
+from tests.typed import typed
 
 PROGRAMS = {"esea-gen": ["schema"], "esea-host": ["show", "a.mcap"]}
 # What each of these commands does first.
@@ -234,6 +235,16 @@ def test_every_file_to_write_is_known_as_one(program):
                 known[*words, name] = hasattr(p.callback, "writes")
     assert [o for o in known if not known[o]] == []
     assert len(known) > 20
+
+
+def test_results_lie_beside_what_is_read_and_are_written_again(tmp_path):
+    for _ in range(2):
+        done = typed("simulate", "tuning", "--resume", "d", "--csv", "d/runs.csv", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    journal = next((tmp_path / "d").glob("*.jsonl"))
+    said = typed("simulate", "tuning", "--resume", "d", "--csv", journal, cwd=tmp_path).stderr
+    assert "is read: --resume and --csv" in " ".join(said.split())
+    assert "twice" not in typed("identify", "m.toml", "--data", ".", "--out", ".").stderr
 
 
 # What is no file among what a command needs.
