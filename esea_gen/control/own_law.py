@@ -6,6 +6,7 @@ import ast
 import math
 import re
 import traceback
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -14,10 +15,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from esea_gen.control.law import Base, Law, Parts
 from esea_gen.errors import UserError, nearest
 from esea_gen.files import read_whole
+from esea_gen.language.block import Block
 from esea_gen.python_file import MOST_BYTES, import_file
 from esea_gen.trust import TaskCode, allow, must_be_trusted
 
@@ -167,6 +170,8 @@ def _check_kernels(path: Path, law: str, made: Parts) -> None:
     # What no C can be made of: numbers that are none, functions that it has not.
     missing = {getattr(ca, f"OP_{n.upper()}"): n for n in NOT_IN_C}
     for block in {**made.replaced, **made.own}.values():
+        if isinstance(block, Block):
+            _tell_of_rest(path, law, block)
         for function in (block.prepare, *block.kernels.values()):
             for k in range(function.n_instructions()):
                 code = function.instruction_id(k)
@@ -180,6 +185,40 @@ def _check_kernels(path: Path, law: str, made: Parts) -> None:
                     raise UserError(
                         f"{path.name}{at}: law {law}: {name} in Block {block.name}.", fix
                     )
+
+
+def _tell_of_rest(path: Path, law: str, block: Block) -> None:
+    # At rest 0 / 0 may be, of which a clip makes its upper end: full torque.
+    symbols, seen, divisors = block.step.sx_in(), set[int](), list[ca.SX]()
+    results = block.step.call(symbols)
+    left = [x for y in results for x in ca.vertsplit(ca.densify(y))]
+    while left:
+        x = left.pop()
+        if x.element_hash() not in seen and (parts := [x.dep(k) for k in range(x.n_dep())]):
+            seen.add(x.element_hash())
+            left += parts
+            if x.is_op(ca.OP_DIV) or x.is_op(ca.OP_INV):
+                divisors.append(parts[-1])
+    by, answers = ca.vertcat(*divisors), list[dict[str, Any]]()
+    rng = np.random.default_rng(0)
+    for size in (0.0, *[1e-9] * 20):  # the same, unless it is chosen between two
+        simulator, inputs = block.simulator(), dict[str, float]()
+        for p in block.inputs:
+            near = float(p.whole) or size * p.high * rng.uniform(-1, 1)
+            inputs[p.name] = min(max(near, p.low), p.high)
+        own = [*simulator.coefficients.values(), *simulator.state.values()]
+        given = [*map(ca.DM, own), *map(ca.DM, inputs.values())]
+        if not size and np.all(np.asarray(ca.Function("d", symbols, [by]).call(given)[0])):
+            return
+        answers.append(simulator.step(**inputs))
+    for p in (p for p in block.outputs if not p.whole):
+        if np.any(np.ptp([a[p.name] for a in answers], axis=0) > 0.01 * (p.high - p.low)):
+            warnings.warn(
+                f"{path.name}: law {law}: Block {block.name} divides by 0 at rest, which decides "
+                f"its {p.name}; 0 / 0 clipped is the upper end. Keep the divisor away from 0, as "
+                "by casadi.fmax.",
+                stacklevel=2,
+            )
 
 
 _WORD = re.compile(r"\w+")

@@ -190,3 +190,9 @@ def test_a_fault_and_a_repaired_state_are_reported(own):
     assert done.exit_code == 1
     assert "latched: TORQUE, the interaction torque was too large" in done.output
     assert "proportional: its state left its Port's range and was repaired in up to " in done.output
+
+
+def test_a_division_by_0_at_rest_is_told_before_a_motor_turns(tmp_path, base, recwarn):
+    for divisor, told in (("ca.fmax(u.tau_Nm, 0.1)", 0), ("u.tau_Nm", 1)):
+        outside_law(changed(tmp_path, SIGNAL, f"u.tau_set_Nm / {divisor}")[0]).parts(base)
+        assert sum("divides by 0 at rest" in str(w.message) for w in recwarn) == told

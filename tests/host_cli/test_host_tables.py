@@ -186,9 +186,6 @@ def test_smoothness_chooses_asks_and_resamples(run, tmp_path):
     _, _, true = measured(run, tmp_path, "t,theta_deg", t, reach(t))
     for key in (("SPARC", "reference"), ("LDLJ", "reference")):
         assert mine[key]["value"] == pytest.approx(true[key]["value"], rel=0.01)
-    rows = "".join(f"{k},{x},{y}\n" for k, (x, y) in enumerate(zip(t, reach(t), strict=True)))
-    with pytest.warns(UserWarning, match="no sensing_ok"):  # a board's, of an older version
-        run(["smoothness", "t.csv"], f"sequence,time_s,theta_deg\n{rows}")
     keep = (t < 1.5) | (t > 1.7)
     with pytest.raises(UserError, match=r"A gap of 0.2.* less than 0.08"):
         measured(run, tmp_path, "t,theta_deg", t[keep], reach(t[keep]), *more)

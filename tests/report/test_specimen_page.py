@@ -55,7 +55,7 @@ def at(folder, tmp_path, monkeypatch) -> Path:
 
 
 def put(name: str, kind: str, content: dict) -> str:
-    made = stamped(kind, content)
+    made = stamped(kind, {"simulated": False} | content)
     held(kind, made)
     Path(name).write_text(json.dumps(made))
     return name

@@ -66,8 +66,7 @@ def _from_log(path: Path) -> LegTable:
         # One with a torque, where there is one.
         stream = max(with_angle, key=lambda s: bool(set(TORQUES) & set(log[s].names)))
         rows = log[stream]
-        other = np.ones(len(rows)) if "content_hash" not in log.facts else None  # imported
-        sensed = rows[export.SENSED] if export.SENSED in rows.names else other
+        sensed = rows[export.SENSED] if export.SENSED in rows.names else np.ones(len(rows))
         first, last = export.longest_stretch(str(path), rows.tick, sensed)
         table = rows.between(rows.time_s[first], rows.time_s[last - 1] + 1e-9)  # refuses holes
         found = {"time_s": table.time_s}

@@ -7,7 +7,6 @@ import json
 import re
 import sys
 import time
-import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
@@ -46,11 +45,9 @@ def column_of(table: FileTable, name: str) -> str:
     return next((n for n in table.names if n.partition(" [")[0] == name), name)
 
 
-def longest_stretch(name: str, tick: Array, sensed: Array | None) -> tuple[int, int]:
+def longest_stretch(name: str, tick: Array, sensed: Array) -> tuple[int, int]:
     """First row, and row behind the last, of the longest run in which a board measured."""
-    if sensed is None:
-        warnings.warn(f"{name}: no {SENSED}, so encoders may have had no zero.", stacklevel=2)
-    sensed = np.asarray(np.ones(len(tick)) if sensed is None else sensed, bool)
+    sensed = np.asarray(sensed, bool)
     cuts = np.flatnonzero((np.diff(tick.astype(float)) <= 0) | np.diff(sensed)) + 1
     runs = [p for p in pairwise([0, *cuts.tolist(), len(tick)]) if sensed[p[0]]]
     if not runs:
@@ -63,7 +60,7 @@ def longest_run(table: FileTable) -> FileTable:
     if TICK not in table.cells or not len(table):
         return table
     rows, sensed = np.arange(len(table)), column_of(table, SENSED)
-    known = table.numbers(sensed) if sensed in table.cells else None
+    known = table.numbers(sensed) if sensed in table.cells else np.ones(len(table))
     start, stop = longest_stretch(table.name, table.numbers(TICK), known)
     why = f"'{TICK}' of another run or {SENSED} = 0; the longest run is analysed"
     return table.kept((start <= rows) & (rows < stop), why)
